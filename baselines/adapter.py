@@ -9,35 +9,25 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from importlib import import_module
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.driver import Driver
-from henon_ref.baselines.library import Flow, Library
+from henon_ref.baselines.library import Library, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.restart import STOPPED, Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work, installed_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
-from henon_ref.trajectory import Trajectory, without_hidden_kinks
+from henon_ref.trajectory import without_hidden_kinks
+from henon_ref.workers.machine import library_versions
 
 SCOUTING = 1e-6
 """Tolerance of the run that finds the modes that a problem visits. At this tolerance compiling costs far more."""
-
-
-class RunOptions(NamedTuple):
-    """Arguments of :meth:`henon_ref.solver.Solver.prepare` in addition to the problem."""
-
-    rtol: float
-    atol: float
-    sample_times: NDArray[np.float64] | None
-    deadline: float | None
 
 
 @dataclass(frozen=True)
@@ -57,7 +47,7 @@ class LibrarySolver(ABC):
     @property
     def version(self) -> str:
         """The library's version; empty if it is not installed."""
-        return installed_version(self.distribution)
+        return library_versions((self.distribution,))[self.distribution]
 
     def prepare(
         self,
@@ -80,11 +70,11 @@ class LibrarySolver(ABC):
         """
         if step is not None or rtol is None:
             raise UnsupportedError(f"{self.name} chooses its own steps: give rtol (and atol), not step")
-        return self.prepared(problem, RunOptions(rtol, rtol if atol is None else atol, sample_times, deadline))
+        return self.prepared(problem, rtol, rtol if atol is None else atol, Work(deadline), sample_times)
 
     @abstractmethod
-    def prepared(self, problem: Problem, options: RunOptions) -> Run:
-        """Return a run of the problem at given tolerances; called by :meth:`prepare`."""
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
+        """Return a run of the problem at these tolerances; called by :meth:`prepare`."""
 
     def load(self) -> Any:
         """Import and return the module, class or function that the solver calls."""
@@ -101,22 +91,18 @@ class LibrarySolver(ABC):
         try:
             return self.load()
         except ImportError as error:
-            raise UnavailableError(self._absent) from error
+            raise self._absent() from error
 
-    def unavailable(self) -> str:
-        """Reason why the library cannot be used; empty if it can. A library of an extra is not imported to check."""
-        if self.extra:
-            return "" if self.version else self._absent
-        try:
-            self.load()
-        except ImportError:
-            return self._absent
-        return ""
+    def check(self) -> None:
+        """Raise an error if the library cannot be used, as :meth:`loaded`; one of an extra is not imported for it."""
+        if not self.extra:
+            self.loaded()
+        elif not self.version:
+            raise self._absent()
 
-    @property
-    def _absent(self) -> str:
+    def _absent(self) -> UnavailableError:
         line = f": pip install 'henon-ref[{self.extra}]'" if self.extra else ""
-        return f"{self.distribution} is not installed{line}"
+        return UnavailableError(f"{self.distribution} is not installed{line}")
 
 
 @dataclass(frozen=True)
@@ -124,38 +110,35 @@ class Adapter(LibrarySolver):
     """A library that integrates one smooth mode after another for the driver."""
 
     restart: Restart = field(default="event-free-step", kw_only=True)
-    mode: ClassVar[Callable[..., Flow]]
-    """Class that integrates one mode; its arguments are (library, model, work, horizon)."""
+    mode: ClassVar[Callable[..., Any]]
+    """Class that integrates one mode; arguments: library, model, work, length of the run [s]. Its method ``advance`` is
+    described in :data:`henon_ref.baselines.library.Advance`."""
     least_rtol: ClassVar[float] = 0.0
     """Smallest allowed ``rtol``; a smaller value is raised to it."""
     implicit: ClassVar[bool] = False
     """Whether each step is solved by an iteration that stops at a part of the tolerances. The state then has an error
     of that size from the first step on."""
     located: ClassVar[tuple[float, float]] = (4.0, 1.0)
-    """See :attr:`henon_ref.baselines.library.Library.located`; the default is rounding."""
+    """(k, s): an event time t differs from the library's own root by at most k eps (s + abs(t)), s in seconds."""
     samples: ClassVar[bool] = False
     """Whether the modes return the state at the sample times."""
     warm_up: ClassVar[bool] = False
     """Whether to run once while preparing, because the first run of a mode compiles it."""
 
-    def prepared(self, problem: Problem, options: RunOptions) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Prepare every mode (lambdify, compile)."""
-        library, times = self.library(options.rtol, options.atol), options.sample_times if self.samples else None
-        driver = Driver(problem, library, Work(options.deadline), times)
+        driver = Driver(problem, self.library(rtol, atol), work, times if self.samples else None)
         driver.compile()
         if self.warm_up:
             driver.run()
-        return partial(_visible, driver) if problem.system.kinks else driver.run
+        return lambda: without_hidden_kinks(driver.run(), problem.system)
 
     def library(self, rtol: float, atol: float) -> Library:
         """Return the library at these tolerances, for the driver."""
         rtol = max(rtol, self.least_rtol)
         # The error of an explicit method's first step vanishes with its length.
         errors = (STOPPED * rtol, STOPPED * atol) if self.implicit else (EPSILON, 0.0)
-        return Library(
-            self, self.loaded(), rtol, atol, self.landing, self.restart, self.accuracy(rtol, atol), errors,
-            self.located, self.mode, partial(self.loosened, rtol, atol),
-        )  # fmt: skip
+        return Library(self, self.loaded(), rtol, atol, self.accuracy(rtol, atol), errors)
 
     def accuracy(self, rtol: float, atol: float) -> tuple[float, float]:
         """Return the relative and absolute error that the tolerances allow per step."""
@@ -164,10 +147,6 @@ class Adapter(LibrarySolver):
     def loosened(self, rtol: float, atol: float) -> Library:
         """Return the library at loose tolerances, for the run that finds the visited modes."""
         return self.library(max(rtol, SCOUTING), max(atol, SCOUTING))
-
-
-def _visible(driver: Driver) -> Trajectory:
-    return without_hidden_kinks(driver.run(), driver.problem.system)
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from types import SimpleNamespace
+from functools import cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -32,25 +32,14 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop
+from henon_ref.baselines.library import LIMIT, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LEAST, Restart
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import along
 from henon_ref.taylor.tape import TIME
-
-MAX_STEPS = 4096
-"""Steps between two checks of the clock (diffrax's default for ``max_steps``)."""
-STAGES = 13
-"""Right-hand sides per step of Dopri8: 14 stages, the first of which is the last of the step before."""
-DENSE_OUTPUT = 64.0
-"""Error of a root on the dense output, in roundings of its time: for x' = 1 the root t = 1 is 1.4e-14 off."""
-SCALE = 1e-100
-"""Factor of the condition. Bisection stops only when the condition, too, is below the absolute tolerance, which is
-chosen for the time; the factor makes the condition irrelevant."""
 
 
 class _Mode(SmoothMode):
@@ -59,32 +48,39 @@ class _Mode(SmoothMode):
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
         method = library.solver.method
-        self._stages = STAGES if method == "Dopri8" else 0
+        # Right-hand sides per step of Dopri8: 14 stages, the first of which is the last of the step before.
+        self._stages = 13 if method == "Dopri8" else 0
         source, values = mode_source(model)
-        self._solve = _compiled(library.module, method, library.restart == "none", source)
+        self._solve = _compiled(method, library.solver.restart == "none", source)
         self._numbers = np.array(values, dtype=float)
         self._tolerances = np.array([library.rtol, library.atol])
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         self._lift(t, x)
-        signs = self._unarmed(t, x)
+        signs, n, count = self._unarmed(t, x), len(x), len(self.model.guards)
         while True:
+            watch = np.array([signs[:-1], self.lifts, self.quiet])
             try:
-                solved = self._run(t, x, until, signs)
+                packed, result = self._solve(float(t), x, float(until), self._numbers, watch, self._tolerances)
+                row = np.asarray(packed)
             except RuntimeError as error:  # raised by compiled code, with a traceback in its text
                 return self.failed(f"diffrax: {_message(error)}")
-            self.last.value(solved.t, solved.x)
-            risen = [k for k in solved.fallen if signs[k] < 0]
-            if risen:
-                signs[risen] = 1.0
-            elif solved.event or solved.arrived:
-                return self.stopped(solved.t, solved.x, solved.fallen if solved.event else None)
-            elif not solved.more:
-                return self.failed(f"diffrax: {solved.message}")
-            if not risen and solved.t - t <= 4.0 * EPSILON * abs(solved.t):
-                return self.failed(f"diffrax does not advance from t = {t:.17g}")
-            t, x = solved.t, solved.x
+            began, t, x = t, float(row[0]), row[1 : n + 1]
+            event, arrived, more = (bool(flag) for flag in row[-5:-2])
+            steps, tried = int(row[-2]), int(row[-1])
+            self.work.steps += steps
+            self.work.rhs += self._stages * tried
+            self.work.events += (count + 1) * steps
+            hit = self._nearest(row[n + 1 : n + 2 + count], t, x) if event else count
+            self.divergence(t, x)
+            if signs[hit] < 0:
+                signs[hit] = 1.0
+            elif event or arrived:
+                return self.stopped(t, x, [hit] if event else None)
+            elif not more:
+                return self.failed(f"diffrax: {result}")
+            elif t - began <= 4.0 * EPSILON * abs(t):
+                return self.failed(f"diffrax does not advance from t = {began:.17g}")
             self.work.check()
 
     def _lift(self, t: float, x: NDArray[np.float64]) -> None:
@@ -92,7 +88,7 @@ class _Mode(SmoothMode):
 
         A minimum that starts negative cannot fall through zero, so that the roots of all guards would be lost.
         """
-        lifts = self.gates.lifts
+        lifts = self.lifts
         for k, guard in enumerate(self.model.guards):
             if lifts[k] > 0.0 and not guard.rising_only and (value := self._value(k, t, x)) <= 0.0:
                 lifts[k] += LEAST - 2.0 * value
@@ -101,36 +97,15 @@ class _Mode(SmoothMode):
         """Return -1 for a guard that must rise before it counts (its negative is watched until then), 1 otherwise."""
         signs = np.ones(len(self.model.guards) + 1)
         for k, guard in enumerate(self.model.guards):
-            if guard.rising_only and (t <= self.gates.quiet[k] or self._value(k, t, x) <= 0.0):
+            if guard.rising_only and (t <= self.quiet[k] or self._value(k, t, x) <= 0.0):
                 signs[k] = -1.0
         return signs
 
     def _value(self, k: int, t: float, x: NDArray[np.float64]) -> float:
         try:
-            return self.model.guard[k](t, *x[: self.states].tolist())[0] + self.gates.lifts[k]
+            return self.model.guard[k](t, *x[: self.states].tolist())[0] + self.lifts[k]
         except ARITHMETIC:
             return -1.0
-
-    def _run(self, t: float, x: NDArray[np.float64], until: float, signs: NDArray[np.float64]) -> SimpleNamespace:
-        gates, n, count = self.gates, len(x), len(self.model.guards)
-        watch = np.array([signs[:-1], gates.lifts, gates.quiet])
-        packed, result = self._solve(float(t), x, float(until), self._numbers, watch, self._tolerances)
-        row = np.asarray(packed)
-        steps, tried = int(row[-2]), int(row[-1])
-        self.work.steps += steps
-        self.work.rhs += self._stages * tried
-        self.work.events += (count + 1) * steps
-        event, arrived, more = (bool(flag) for flag in row[-5:-2])
-        values = row[n + 1 : n + 2 + count]
-        return SimpleNamespace(
-            t=float(row[0]),
-            x=row[1 : n + 1],
-            event=event,
-            arrived=arrived,
-            more=more,
-            fallen=[self._nearest(values, float(row[0]), row[1 : n + 1])] if event else [],
-            message="" if event or arrived or more else str(result),
-        )
 
     def _nearest(self, values: NDArray[np.float64], t: float, x: NDArray[np.float64]) -> int:
         """Return the guard whose root is nearest in time; the last entry of ``values`` is that of divergence.
@@ -151,37 +126,40 @@ def _message(error: RuntimeError) -> str:
     return found[1] if found else str(error).partition("\n")[0]
 
 
-_SOLVES: dict[tuple[str, bool, ModeSource], Any] = {}
-"""Compiled solves of this process."""
+@cache
+def _compiled(method: str, either: bool, source: ModeSource) -> Any:
+    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode, once per process."""
+    import jax
+
+    shapes = [(), (len(source.unknowns),), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
+    wanted = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
+    return jax.jit(_solve(method, either, source)).lower(*wanted).compile()
 
 
-def _compiled(module: Any, method: str, either: bool, source: ModeSource) -> Any:
-    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode."""
-    key = (method, either, source)
-    if key not in _SOLVES:
-        jax, n = module.jax, len(source.unknowns)
-        shapes = [(), (n,), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
-        wanted = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
-        _SOLVES[key] = jax.jit(_solve(module, method, either, source)).lower(*wanted).compile()
-    return _SOLVES[key]
-
-
-def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
+def _solve(method: str, either: bool, source: ModeSource) -> Any:
     """Return the function ``solve`` for jax to trace; it returns the solve's end as an array, and diffrax's result.
 
     ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The returned array
     holds time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
     the horizon, ``max_steps`` used), the accepted steps, and all steps.
     """
-    diffrax, jnp = module.diffrax, module.jax.numpy
+    import diffrax
+    import jax.numpy as jnp
+    import optimistix
+
     rates, guards = jax_function(source, source.right), jax_function(source, source.guards)
     states = source.states
-    finder = module.optimistix.Bisection(4.0 * EPSILON, 4.0 * EPSILON, flip="detect" if either else True)
+    finder = optimistix.Bisection(4.0 * EPSILON, 4.0 * EPSILON, flip="detect" if either else True)
 
     def watched(t: Any, x: Any, numbers: Any, watch: Any) -> Any:
         signs, lifts, quiet = watch
         values = jnp.where(t <= quiet, 1.0, signs * (guards(t, x, numbers) + lifts))
         return jnp.append(values, LIMIT - jnp.sum(jnp.abs(x[:states])))
+
+    def least(t: Any, x: Any, args: Any, **_: Any) -> Any:
+        # Bisection stops only when the condition, too, is below the absolute tolerance, which is chosen for the time;
+        # the factor makes the condition irrelevant.
+        return 1e-100 * jnp.min(watched(t, x, *args))
 
     def solve(t: Any, x: Any, until: Any, numbers: Any, watch: Any, tolerances: Any) -> Any:
         solution = diffrax.diffeqsolve(
@@ -194,10 +172,8 @@ def _solve(module: Any, method: str, either: bool, source: ModeSource) -> Any:
             args=(numbers, watch),
             saveat=diffrax.SaveAt(t1=True),
             stepsize_controller=diffrax.PIDController(rtol=tolerances[0], atol=tolerances[1]),
-            event=diffrax.Event(
-                lambda t, y, args, **_: SCALE * jnp.min(watched(t, y, *args)), finder, None if either else False
-            ),
-            max_steps=MAX_STEPS,
+            event=diffrax.Event(least, finder, None if either else False),
+            max_steps=4096,  # between two checks of the clock; diffrax's default
             adjoint=diffrax.ForwardMode(),
             throw=False,
         )
@@ -271,18 +247,17 @@ class DiffraxOde(Adapter):
     landing = "bisection"
     distribution = "diffrax"
     extra = "peers"
-    located = (DENSE_OUTPUT, 1.0)
+    located = (64.0, 1.0)  # of the dense output: for x' = 1 the root t = 1 is 1.4e-14 off
 
     def load(self) -> Any:
         import diffrax
         import jax
-        import optimistix
 
         jax.config.update("jax_enable_x64", True)
         jax.config.update("jax_platforms", "cpu")
         # The processor time of a run is measured for its own thread.
         jax.config.update("jax_cpu_enable_async_dispatch", False)
-        return SimpleNamespace(jax=jax, diffrax=diffrax, optimistix=optimistix)
+        return diffrax
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]

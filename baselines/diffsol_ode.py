@@ -25,30 +25,19 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop
+from henon_ref.baselines.library import LIMIT, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import LIFT, Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.modes.callables import ARITHMETIC, rounded
 from henon_ref.taylor.tape import TIME
 
-STAGES = 6
-"""Right-hand sides per step of Tsit45: seven stages, the first of which is the last of the step before."""
-
-SHORTEST = 1e-13
-"""diffsol's default for the shortest step [s]; a shorter step makes the run fail. diffsol's first step from a state
-near zero may be shorter, so that the limit is lowered to the rounding of the horizon if that is smaller."""
-KEPT = 64
-"""Largest number of compiled modes that a process caches; a system visits fewer."""
 FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
 """Supported functions of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). DiffSL cannot differentiate
 inverse trigonometric functions, acosh and atanh. Its ``tan`` aborts the process (Enzyme does not support LLVM's
 intrinsic), so that a tangent is written as a quotient."""
-MOST_FACTORS = 4
-"""Largest integer exponent that is written as a product; the derivative of a product has a value at zero."""
 
 
 class _Mode(SmoothMode):
@@ -58,69 +47,71 @@ class _Mode(SmoothMode):
         super().__init__(library, model, work, horizon)
         self._ode = _compiled(library.module, library.solver.method, mode_text(model))
         self._tolerances = library.rtol, library.atol
-        self._stages = STAGES if library.solver.method == "tsit45" else 0
+        # Right-hand sides per step of Tsit45: seven stages, the first of which is the last of the step before.
+        self._stages = 6 if library.solver.method == "tsit45" else 0
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         while True:
             try:
                 times, rows = self._solve(t, x, until)
             except RuntimeError as error:
                 time = re.search(r" at time = ([-+.e\d]+)", str(error))
-                self.last.value(float(time[1]) if time else t, x)
+                self.divergence(float(time[1]) if time else t, x)
                 return self.failed(f"diffsol: {error}")
             steps = times.size - 1
             self.work.steps += steps
             self.work.rhs += self._stages * steps
             self.work.events += steps * (len(self.model.guards) + 1)
             finite = np.flatnonzero(np.isfinite(rows).all(axis=1))[-1]
-            self.last.value(float(times[finite]), rows[finite])
+            self.divergence(float(times[finite]), rows[finite])
             if finite < steps:
-                return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
+                return self.failed(f"the state is not finite after t = {self.last[0]:.17g}")
             t, x = float(times[-1]), rows[-1]
             if t >= until:
                 return self.stopped(t, x)
-            fallen, risen = self._by_which(t, x)
-            if not risen:
-                return self.stopped(t, x, fallen)
+            fallen = self._by_which(t, x)
+            if fallen is not None:
+                return self.stopped(t, x, [fallen])
             self.work.check()
 
     def _solve(self, t: float, x: NDArray[np.float64], until: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return times, shape (k,), and unknowns, shape (k, N), of the steps from (t, x)."""
-        lifts, quiet = self.gates.lifts, np.maximum(self.gates.quiet, -1e300)
+        lifts, quiet = self.lifts, np.maximum(self.quiet, -1e300)
         self._ode.rtol, self._ode.atol = self._tolerances
-        self._ode.options.min_timestep = min(SHORTEST, EPSILON * abs(until))
+        # A step shorter than 1e-13 s (diffsol's default) makes the run fail; the first step from a state near zero may
+        # be shorter.
+        self._ode.options.min_timestep = min(1e-13, EPSILON * abs(until))
         self._ode.t0 = t
         self._ode.h0 = min(1.0, until - t)
         solution = self._ode.solve(np.concatenate([x, lifts, quiet]), until)
         return np.asarray(solution.ts), np.asarray(solution.ys).T
 
-    def _by_which(self, t: float, x: NDArray[np.float64]) -> tuple[list[int], bool]:
-        """Find the guard that stopped the run: return ([k], False) if it fell, ([], True) if it rose.
+    def _by_which(self, t: float, x: NDArray[np.float64]) -> int | None:
+        """Find the guard that stopped the run by falling; None if it rose.
 
         A guard that rose is lifted, so that the continued run does not stop at the same root.
         """
-        model, gates, state = self.model, self.gates, x[: self.states].tolist()
+        model, lifts, state = self.model, self.lifts, x[: self.states].tolist()
         try:
             rates = model.rates(t, *state)
         except ARITHMETIC:
-            return [len(model.guards)], False
+            return len(model.guards)
         aside = [
-            (abs(rates[2 * k] + gates.lifts[k]) / (abs(rates[2 * k + 1]) + 1e-300), k)
+            (abs(rates[2 * k] + lifts[k]) / (abs(rates[2 * k + 1]) + 1e-300), k)
             for k in range(len(model.guards))
-            if t > gates.quiet[k]
+            if t > self.quiet[k]
         ]
         if not aside or sum(map(abs, state)) >= 0.5e100:
-            return [len(model.guards)], False
+            return len(model.guards)
         k = min(aside)[1]
-        value, rate = rates[2 * k] + gates.lifts[k], rates[2 * k + 1]
-        if rate <= 0.0 or gates.policy == "none":
-            return [k], False
-        gates.lifts[k] += 2.0 * abs(value) + LIFT * EPSILON * model.size(k, t, state, 1.0, 0.0)
-        return [], True
+        value, rate = rates[2 * k] + lifts[k], rates[2 * k + 1]
+        if rate <= 0.0 or self.root_direction == 0:
+            return k
+        lifts[k] += 2.0 * abs(value) + LIFT * EPSILON * model.size(k, t, state, 1.0, 0.0)
+        return None
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=64)  # a system visits fewer modes
 def _compiled(module: Any, method: str, text: str) -> Any:
     """Compile the ``Ode`` of one mode; tolerances and start are set at every solve."""
     return module.Ode(text, ode_solver=getattr(module, method))
@@ -179,7 +170,7 @@ def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
         if e.exp.is_Rational and e.exp.is_negative:
             return f"(1.0 / {walk(sp.Pow(e.base, -e.exp))})"
         base = walk(e.base)
-        if e.exp.is_Integer and int(e.exp) <= MOST_FACTORS:
+        if e.exp.is_Integer and int(e.exp) <= 4:  # the derivative of a product has a value at zero
             return "(" + " * ".join([base] * int(e.exp)) + ")"
         if e.exp == sp.Rational(1, 2):
             return f"sqrt({base})"

@@ -1,6 +1,6 @@
 """Driver of all libraries: it handles events, selects modes, restarts the library and ends the run.
 
-A library integrates one smooth mode until a guard stops it (:class:`.library.Flow`). The driver does everything else,
+A library integrates one smooth mode until a guard stops it (:data:`.library.Advance`). The driver does everything else,
 in the same way for all libraries. At an event the driver
 
 1. adds the guards that fell through zero at the same time (within the library's own location error);
@@ -20,15 +20,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
-from henon_ref.baselines.library import Library, Stop
+from henon_ref.baselines.library import DeadlinePassed, Library, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.mode_table import ModeEntry, ModeTable
 from henon_ref.baselines.record import Record, ended
 from henon_ref.baselines.restart import MARGIN, Fresh, after_noise, low_flight
-from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.baselines.surface_functions import projected
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.mode import Mode
@@ -38,8 +35,6 @@ from henon_ref.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
 
-FALLING = 1e-6
-"""A guard falls if its rate is below minus this part of its surface's normal velocities; a smaller one is rounding."""
 LATE = 1e3
 """A guard whose value is below minus this multiple of its error by the tolerances has been stepped over."""
 
@@ -61,7 +56,7 @@ class Driver:
         problem: Problem,
         library: Library,
         work: Work,
-        sample_times: NDArray[np.float64] | None = None,
+        sample_times: Times = None,
         known: ModeTable | None = None,
     ) -> None:
         self.problem, self.library, self.work, self.sample_times = problem, library, work, sample_times
@@ -69,14 +64,15 @@ class Driver:
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
         self.decision = initial_mode(self.table.in_doubles, problem.start, problem.initial, problem.initial_mode)
-        self._first: tuple[ModeEntry, tuple[Fresh, ...]] | None = None
+        self._first: tuple[Mode, ModeEntry, tuple[Fresh, ...]] | None = None
         if self.decision.mode is not None:
             try:
                 entry = self.table[self.decision.mode]
             except ModelError as error:
                 raise UnsupportedError(f"the initial mode has no equations: {error}") from error
             fresh = self.table.fresh_at(entry, self.start, self.initial, ())
-            self._first = self.table.entered(self.decision.mode, self.start, self.initial, fresh)[:2]
+            entry, fresh, _ = self.table.entered(self.decision.mode, self.start, self.initial, fresh)
+            self._first = self.decision.mode, entry, fresh
 
     def compile(self) -> None:
         """Prepare all modes of a system with one surface; otherwise those that a run at loose tolerances visits."""
@@ -100,11 +96,11 @@ class Driver:
         """Run from the start to the horizon."""
         self.work.start()
         library = self.library
-        record = Record(self.work, self.problem, library.landing, library.errors[1], self.sample_times)
-        if self.decision.mode is None or self._first is None:
+        record = Record(self.work, self.problem, library.solver.landing, library.errors[1], self.sample_times)
+        if self._first is None:
             nowhere = (0,) * len(self.problem.system.surfaces)
             return record.finish(self.decision.ending, self.start, self.initial, nowhere, self.decision.reason)
-        return self._march(record, self.decision.mode, *self._first)
+        return self._march(record, *self._first)
 
     def _march(self, record: Record, mode: Mode, entry: ModeEntry, fresh: tuple[Fresh, ...]) -> Trajectory:
         t, low, x, until = self.start, 0.0, self.initial, self.until
@@ -122,7 +118,7 @@ class Driver:
                 self.work.check()
                 stop = Stop("event", t, low, x, falls) if falls else None
                 stop = stop or (self._low_flight(entry, fresh, t, x) if jumps else None)
-                stop = stop or entry.flow.advance(t, low, x, until, fresh, wanted)
+                stop = stop or entry.advance(t, low, x, until, fresh, wanted)
             except DeadlinePassed:
                 return record.finish("timeout", t, x, mode, f"stopped after {self.work.deadline:g} s")
             if sampling:
@@ -139,7 +135,7 @@ class Driver:
             noise = self._noise(entry, hits[0], fresh, t - begun, t, x) if jumps and len(hits) == 1 else None
             if noise is not None:
                 guard = entry.model.guards[hits[0]]
-                x, drift = self.table.on_surface(guard.index, t, x)
+                x, drift = projected(self.problem.system, [guard.index], t, x)
                 left = after_noise(entry.model, hits[0], t, x, self.library.accuracy, until) if drift <= noise else None
                 if left is None:
                     reason = f"a root of {guard.expression} is found where its surface is being left"
@@ -151,31 +147,27 @@ class Driver:
                 record.drift = max(record.drift, self.table.drift(entry, t, x))
                 return record.finish("ok", t, x, mode)
             take = entry.exit(hits[0]) if len(hits) == 1 else None
-            followed = take(t, x) if take is not None else None
-            rest = None
-            touched: Sequence[int] = ()
-            applied: Sequence[tuple[int, Sequence[float]]] = ()
-            if followed is None:
+            after = None if take is None else take(t, x)
+            if after is None:
                 after = self.table.decided(entry, hits, t, x)
-                if after.mode is None:
-                    return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
-                followed, touched = (after.mode, after.x, after.fresh, after.drift), after.touched
-                applied, rest = after.applied, after.rest
-            before, (after_mode, x, starting, drift) = entry, followed
-            if drift > record.drift:
-                record.drift = drift
-            record.event(t, low, x, mode, after_mode, touched, applied)
-            if rest is not None:
-                bouncing, (after_mode, t, x), low = after_mode, rest, 0.0
+            if after.mode is None:
+                return record.finish(after.status, t, x, mode, record.explained(after.status, after.reason))
+            if after.drift > record.drift:
+                record.drift = after.drift
+            record.event(t, low, after.x, mode, after.mode, after.touched, after.applied)
+            mode, x, applied = after.mode, after.x, after.applied
+            if after.rest is not None:
+                bouncing, (mode, t, x), low = mode, after.rest, 0.0
                 if t > until:
-                    return record.finish("ok", until, x, after_mode)
-                record.event(t, low, x, bouncing, after_mode, ())
+                    return record.finish("ok", until, x, mode)
+                record.event(t, low, x, bouncing, mode, ())
             reason = record.accumulated(resting=bool(applied) and all(self.table.system.rests(i) for i, _ in applied))
             if reason:
-                return record.finish("failed", t, x, after_mode, reason)
-            mode = after_mode
-            fresh = starting + self.table[mode].still_fresh(before, unsettled, starting) if unsettled else starting
-            entry, fresh, falls = self.table.entered(mode, t, x, fresh, before.model.idle)
+                return record.finish("failed", t, x, mode, reason)
+            fresh = after.fresh
+            if unsettled:
+                fresh += self.table[mode].still_fresh(entry, unsettled, fresh)
+            entry, fresh, falls = self.table.entered(mode, t, x, fresh, entry.model.idle)
 
     def _low_flight(self, entry: ModeEntry, fresh: Sequence[Fresh], t: float, x: Sequence[float]) -> Stop | None:
         """End of a flight that is too low for the library; None if the library is to find the end."""
@@ -250,8 +242,9 @@ class Driver:
                 continue
             if value < -abs(reach) - LATE * model.size(k, t, x, *self.library.accuracy):
                 return (), (), f"a root of {guard.expression} was stepped over: it is {value:.3g} at t = {t:.17g}"
-            # A guard that started at zero, is within its noise and does not fall has not left zero yet.
-            settled = k not in started or rate < -FALLING * started[k][1]
+            # A guard that started at zero, is within its noise and does not fall has not left zero yet. It falls if its
+            # rate is more than a small part of its surface's normal velocities; a smaller one is rounding.
+            settled = k not in started or rate < -1e-6 * started[k][1]
             if not settled and value > -model.size(k, t, x, *self.library.errors):
                 unsettled.append(started[k])
             elif rate * (self.until - self.start) <= -value:

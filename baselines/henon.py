@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.integrator.prepared_run import prepared_run
 from henon_ref.integrator.records import BRENT, HENON, LANDINGS, NEWTON
+from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.workers.machine import library_versions

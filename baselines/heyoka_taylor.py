@@ -24,16 +24,15 @@ from functools import cached_property, partial
 from math import isfinite
 from typing import Any, Literal
 
-import numpy as np
 import sympy as sp
-from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import LIMIT, Library, Stop
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.baselines.restart import LEAST, LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
+from henon_ref.baselines.driver import LATE
+from henon_ref.baselines.library import LIMIT, Library, Stop, Times, Work
+from henon_ref.baselines.mode_functions import EPSILON, CommonFunctions, ModeFunctions
+from henon_ref.baselines.restart import LEAST, LIFT, LONGEST, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
-from henon_ref.baselines.work import Work
+from henon_ref.baselines.surface_functions import slopes_of
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
@@ -43,12 +42,8 @@ from henon_ref.taylor.tape import TIME
 
 CHUNK = 4096
 """Largest number of steps between two checks of the clock and of the size of the state."""
-COMPACT = 20
-"""From this number of states on heyoka compiles in compact mode (shorter compilation, slower steps)."""
 OUTCOMES = -(2**32)
 """Outcomes above this value are terminal events, -index - 1; outcomes up to it are heyoka's status codes."""
-LOST = 1e3
-"""A guard whose value is below minus this multiple of its error by the tolerance has been stepped over."""
 TIME_LIMIT = OUTCOMES - 3
 """``taylor_outcome.time_limit``: the end of the interval was reached."""
 
@@ -56,25 +51,20 @@ TIME_LIMIT = OUTCOMES - 3
 class _Integrators:
     """heyoka's integrators, with and without events, of one mode or of all modes that share their equations.
 
-    ``switches`` are the symbols in which modes differ. They are run-time parameters of heyoka, after the guards' lifts.
+    The symbols in which modes differ are run-time parameters of heyoka, after the guards' lifts.
     """
 
-    def __init__(
-        self,
-        library: Library,
-        states: Sequence[sp.Symbol],
-        field: Sequence[sp.Expr],
-        guards: Sequence[sp.Expr],
-        switches: Sequence[sp.Symbol] = (),
-    ) -> None:
-        hy, solver = library.module, library.solver
+    def __init__(self, library: Library, functions: ModeFunctions | CommonFunctions) -> None:
+        hy, solver, guards = library.module, library.solver, functions.guard_expressions
         # heyoka does not support events on constants; a constant guard never falls.
         self.moving = [k for k, g in enumerate(guards) if not g.is_number]
         """Indices of the guards that are events."""
-        variables = {x: hy.expression(f"x{k}") for k, x in enumerate(states)}
-        symbols = variables | {s: hy.par[len(self.moving) + k] for k, s in enumerate(switches)}
-        equations = [(variables[x], to_heyoka(f, symbols)) for x, f in zip(states, field, strict=True)]
-        start, compact = [0.0] * len(equations), len(equations) >= COMPACT
+        variables = {x: hy.expression(f"x{k}") for k, x in enumerate(functions.states)}
+        symbols = variables | {s: hy.par[len(self.moving) + k] for k, s in enumerate(functions.symbols)}
+        field = (to_heyoka(f, symbols) for f in functions.field_expressions)
+        equations = list(zip(variables.values(), field, strict=True))
+        # In compact mode the compilation is shorter and the steps are slower.
+        start, compact = [0.0] * len(equations), len(equations) >= 20
         make = partial(
             hy.taylor_adaptive, equations, start, tol=library.rtol, fast_math=solver.fast_math, compact_mode=compact
         )
@@ -105,15 +95,10 @@ class _Mode:
         solver: HeyokaTaylor = library.solver
         self._model, self._work, self._horizon = model, work, horizon
         self._policy, self._rtol = solver.restart, library.rtol
-        if model.common is None:
-            made = _Integrators(library, model.states, model.field_expressions, model.guard_expressions)
-        else:
-            name, common = (solver.name, solver.restart, solver.cooldown, library.rtol), model.common
-            if name not in common.kept:
-                common.kept[name] = _Integrators(
-                    library, model.states, common.field_expressions, common.guard_expressions, common.symbols
-                )
-            made = common.kept[name]
+        functions, key = model.common or model, (solver.name, solver.restart, solver.cooldown, library.rtol)
+        if key not in functions.kept:
+            functions.kept[key] = _Integrators(library, functions)
+        made = functions.kept[key]
         self._switches = model.switches
         guard_of = {row: k for k, row in enumerate(model.rows)}
         self._hit = [guard_of.get(row, -1) for row in made.moving]
@@ -125,15 +110,9 @@ class _Mode:
         self._state, self._lifts = self._taylor.state, self._taylor.pars
 
     def advance(
-        self,
-        t: float,
-        low: float,
-        x: Sequence[float],
-        until: float,
-        fresh: Sequence[Fresh],
-        wanted: NDArray[np.float64] | None,
+        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh], wanted: Times
     ) -> Stop:
-        """See :class:`henon_ref.baselines.library.Flow`."""
+        """See :data:`henon_ref.baselines.library.Advance`."""
         if fresh and self._policy == "event-free-step":
             return self._event_free_step(t, low, x, until, fresh)
         lifted = [item for item in fresh if item[0] in self._slots] if self._policy == "offset" else []
@@ -154,7 +133,7 @@ class _Mode:
                 value = model.guard[guard](stop.t, *stop.x)[0]
             except ARITHMETIC:
                 continue
-            if value < -LOST * (
+            if value < -LATE * (
                 model.size(guard, stop.t, stop.x, self._rtol, self._rtol) + speed * EPSILON * abs(stop.t)
             ):
                 return True
@@ -218,11 +197,11 @@ class _Mode:
 
     def _lift(self, item: Fresh, t: float, x: Sequence[float]) -> float:
         guard, speed, rate = item
-        slopes = self._model.slopes(guard)
-        if slopes.constants is None or dips(speed, rate):
+        places, _, slopes = slopes_of(self._model.guard_expressions[guard], self._model.states)
+        if slopes is None or dips(speed, rate):
             return lift(self._model, item, t, x, self._horizon)
         size = speed * SPAN * self._horizon
-        for k, slope in zip(slopes.places, slopes.constants, strict=True):
+        for k, slope in zip(places, slopes, strict=True):
             size += abs(slope * x[k])
         return max(LIFT * EPSILON * size, LEAST)
 
@@ -233,7 +212,7 @@ class _Mode:
         """
         model, quiet = self._model, self._made.quiet
         levels = [model.size(guard, t, x, self._rtol, self._rtol) for guard, *_ in fresh]
-        end = min(max(quiet_until(model, fresh, t, x, levels, 1e-3 * self._horizon)), until)
+        end = min(max(quiet_until(model, fresh, t, x, levels, LONGEST * self._horizon)), until)
         if self._switches:
             pars = quiet.pars[self._guards :]  # the switches, up to the last one in the field
             pars[:] = self._switches[: len(pars)]

@@ -1,28 +1,45 @@
-"""Callables of one mode: field, guards, their rates and sizes. Each is made on first use."""
+"""Callables of one mode: field, guards, their rates and sizes. Each is made on first use.
+
+For the solvers named ``+numba``, right-hand sides and Jacobians are functions of arrays compiled by numba, which is
+imported when the first of them is compiled.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.numba_callbacks import Callbacks, Fill, compiled, jacobian
-from henon_ref.baselines.surface_functions import Slopes, is_linear, landing, normal_velocity, of_few, slopes_of
-from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
+from henon_ref.baselines.surface_functions import is_linear, landing, normal_velocity, of_few, slopes_of
+from henon_ref.errors import UnavailableError
+from henon_ref.jit.native_module import target
+from henon_ref.modes.callables import (
+    ARITHMETIC,
+    Jacobian,
+    Scalar,
+    ScalarPrinter,
+    interpreted,
+    scalar,
+    with_rounded_constants,
+)
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand
-from henon_ref.taylor.tape import Tape, build_tape
+from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 EPSILON = float(np.finfo(float).eps)
+Callbacks = Literal["python", "numba"]
+"""Kind of the callbacks for right-hand sides, Jacobians and guards: plain Python, or compiled by numba."""
+Fill = Callable[[float, Any, Any], None]
+"""``f(t, x, out)`` writes one value per expression into the flat array ``out``."""
 
 
 class CommonFunctions:
@@ -35,7 +52,7 @@ class CommonFunctions:
 
     def __init__(self, system: FilippovSystem) -> None:
         assert system.shared is not None
-        self._shared, self._states = system.shared, system.states
+        self._shared, self.states = system.shared, system.states
         self.symbols: tuple[sp.Symbol, ...] = tuple(self._shared.owner)
         """Symbols of the switches."""
         self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)
@@ -53,25 +70,25 @@ class CommonFunctions:
     @cached_property
     def field(self) -> Scalar:
         """Time derivatives of the states."""
-        return scalar((*self._states, *self.symbols), self.field_expressions)
+        return scalar((*self.states, *self.symbols), self.field_expressions)
 
     @cached_property
     def compiled_field(self) -> Fill:
         """Compiled ``fill(t, y, out)``; ``y`` holds the states and the switches."""
-        return compiled((*self._states, *self.symbols), self.field_expressions)
+        return compiled((*self.states, *self.symbols), self.field_expressions)
 
     def rate(self, row: int) -> Scalar:
         """Function of a guard and its time derivative."""
         if row not in self._rates:
             guard = self.guard_expressions[row]
-            slope = along(guard, self._states, self.field_expressions)
-            self._rates[row] = of_few((*self._states, *self.symbols), (guard, slope))
+            slope = along(guard, self.states, self.field_expressions)
+            self._rates[row] = of_few((*self.states, *self.symbols), (guard, slope))
         return self._rates[row]
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Jacobian of the field in the states."""
         if callbacks not in self._jacobians:
-            self._jacobians[callbacks] = jacobian(self._states, self.field_expressions, callbacks, self.symbols)
+            self._jacobians[callbacks] = jacobian(self.states, self.field_expressions, callbacks, self.symbols)
         return self._jacobians[callbacks]
 
 
@@ -107,6 +124,9 @@ class ModeFunctions:
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self._bends: dict[int, Scalar] = {}
+        self.symbols: tuple[sp.Symbol, ...] = ()
+        self.kept: dict[Any, Any] = {}
+        """See :class:`CommonFunctions`."""
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property
@@ -215,15 +235,12 @@ class ModeFunctions:
 
     def size(self, index: int, t: float, x: Sequence[float], rtol: float, atol: float) -> float:
         """Error of a guard for these errors of x: sum of abs(dg/dx_k) (rtol abs(x_k) + atol)."""
-        slopes = self.slopes(index)
+        places, slopes, _ = slopes_of(self.guard_expressions[index], self.states)
         try:
-            values = slopes.values(t, *x)
+            values = slopes(t, *x)
         except ARITHMETIC:
             return 0.0
-        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(slopes.places, values, strict=True))
-
-    def slopes(self, index: int) -> Slopes:
-        return slopes_of(self.guard_expressions[index], self.states)
+        return math.fsum(abs(d) * (rtol * abs(x[k]) + atol) for k, d in zip(places, values, strict=True))
 
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Jacobian of :attr:`right` in :attr:`unknowns`."""
@@ -264,3 +281,59 @@ class ModeFunctions:
         """
         tape, numbers = self._tape
         return expand(tape, numbers, t, list(x), order)
+
+
+def njit(function: Callable[..., Any]) -> Any:
+    """Compile a function by numba, for the same processor as the reference's modes (see ``target``).
+
+    A division by zero gives infinity or NaN (numba's ``numpy`` error model).
+
+    Raises
+    ------
+    UnavailableError
+        If numba is not installed.
+    """
+    try:
+        import numba
+    except ImportError as error:
+        raise UnavailableError("numba is not installed: pip install 'henon-ref[numba]'") from error
+    numba.core.config.CPU_NAME, numba.core.config.CPU_FEATURES = target()
+    return numba.njit(function, error_model="numpy")
+
+
+def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Fill:
+    """Compile expressions in time and states; an expression without a value gives NaN or infinity."""
+    clock, array = sp.Symbol("clock_"), sp.IndexedBase("x_")
+    names = {TIME: clock, **{x: array[k] for k, x in enumerate(states)}}
+    exprs = tuple(e.xreplace(names) for e in with_rounded_constants(expressions))
+    values = njit(
+        sp.lambdify([clock, array], exprs, modules=[{"pow": math.pow}, "math"], printer=ScalarPrinter(), cse=True)
+    )
+
+    def fill(t: float, x: Any, out: Any) -> None:
+        results = values(t, x)
+        for k in range(len(results)):
+            out[k] = results[k]
+
+    made: Fill = njit(fill)
+    return made
+
+
+def jacobian(
+    states: Sequence[sp.Symbol],
+    field: Sequence[sp.Expr],
+    callbacks: Callbacks,
+    switches: Sequence[sp.Symbol] = (),
+) -> Jacobian:
+    """Return df/dx derived by SymPy, with entries in plain Python or compiled."""
+    return Jacobian(states, field, switches, _filled if callbacks == "numba" else interpreted)
+
+
+def _filled(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[[float, Any], Any]:
+    fill, room = compiled(symbols, expressions), np.empty(len(expressions))
+
+    def values(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        fill(t, x, room)
+        return room
+
+    return values

@@ -13,30 +13,20 @@ from typing import NamedTuple
 
 import sympy as sp
 
-from henon_ref.baselines.library import Flow, Library
+from henon_ref.baselines.library import Advance, Library, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.surface_functions import projected, surface
-from henon_ref.baselines.work import Work
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.after_jump import after_jump, without_speed
-from henon_ref.modes.arithmetic import CLEAR
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
-from henon_ref.modes.consistency import stays
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.mode_evaluation import ModeEvaluation, in_doubles
+from henon_ref.modes.mode import CLEAR, Mode, replaced, sign_after
+from henon_ref.modes.mode_evaluation import ModeEvaluation, TapePoint, in_doubles
 from henon_ref.modes.resets import REMAINING, impact_of, resetting
-from henon_ref.modes.selection import after_event, mode_by_signs, sign_after
+from henon_ref.modes.selection import after_event, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
-
-ROUNDING = 1e-13
-"""A value below this part of the size of its terms is zero but for rounding."""
-ON = 8.0
-"""A guard starts at zero if its value is within this number of roundings of its terms."""
-
 
 Rest = tuple[Mode, float, tuple[float, ...]]
 """Mode, time [s] and state at which a body comes to rest after the last of its impacts."""
@@ -64,17 +54,15 @@ class After(NamedTuple):
 
 Key = tuple[Mode, frozenset[int]]
 """A mode and its idle surfaces."""
-Followed = tuple[Mode, tuple[float, ...], tuple[Fresh, ...], float]
-"""The first four fields of :class:`After`; a plain tuple, because every ordinary event builds one."""
-Exit = Callable[[float, Sequence[float]], Followed | None]
+Exit = Callable[[float, Sequence[float]], After | None]
 """Returns the mode and state after an ordinary event at (t, x); None if the two signs do not decide it."""
 
 
 class ModeEntry:
     """One mode: its functions, the library prepared for it, and its ordinary exits."""
 
-    def __init__(self, model: ModeFunctions, flow: Flow) -> None:
-        self.model, self.flow, self.several = model, flow, len(model.guards) > 1
+    def __init__(self, model: ModeFunctions, advance: Advance) -> None:
+        self.model, self.advance, self.several = model, advance, len(model.guards) > 1
         self._exits: dict[int, Exit | None] = {}
         if self.several:
             model.rates  # noqa: B018  (made on first access)
@@ -113,42 +101,38 @@ class ModeEntry:
         landing = model.landing(i)
         stick, slip = replaced(mode, i, 0), {s: replaced(mode, i, s) for s in (-1, 1)}
         beyond = guard.to_sign
-        hold = self._hold(i) if guard.kind == "surface" else None
+        hold = None
+        """Release guards that decide whether surface i holds; None if its slip fields decide it."""
+        if guard.kind == "surface" and model.system.held_inside(i):
+            held = model.system.hold_guards(i, mode)
+            hold = scalar(model.states, [model.system.numeric(g.expression) for g in held])
         released = slip[beyond] if guard.kind == "release" else None
         # Guards of the surfaces in slip come first, by index.
         position = sum(s != 0 for s in mode[:i])
 
-        def take(t: float, x: Sequence[float]) -> Followed | None:
+        def take(t: float, x: Sequence[float]) -> After | None:
             try:
                 values = landing(t, *x)
                 room = hold(t, *values[3:]) if hold is not None else ()
             except ARITHMETIC:
                 return None
             h, below, above = values[:3]
-            speed = abs(below) + abs(above)
+            point, drift, speed = values[3:], abs(h), abs(below) + abs(above)
             if released is not None:
-                return released, values[3:], ((position, speed, beyond * (above if beyond > 0 else below)),), abs(h)
+                rate = beyond * (above if beyond > 0 else below)
+                return After(released, point, ((position, speed, rate),), drift)
             sign = sign_after(below, above)
+            sticks = sign == 0
             if room:
-                edge = CLEAR * max(map(abs, room))
-                if len(room) == 1 or abs(min(room)) <= edge:  # a single guard has no other value to compare with
+                # A single guard has no other value to compare with.
+                if len(room) == 1 or abs(min(room)) <= CLEAR * max(map(abs, room)):
                     return None
-                if min(room) > 0:
-                    return stick, values[3:], (), abs(h)
-            elif sign == 0:
-                return stick, values[3:], (), abs(h)
-            if sign == beyond:
-                return slip[beyond], values[3:], ((position, speed, speed),), abs(h)
-            return None
+                sticks = min(room) > 0
+            if sticks:
+                return After(stick, point, (), drift)
+            return After(slip[beyond], point, ((position, speed, speed),), drift) if sign == beyond else None
 
         return take
-
-    def _hold(self, i: int) -> Scalar | None:
-        """Release guards that decide whether surface i holds; None if its slip fields decide it."""
-        system = self.model.system
-        if not system.held_inside(i):
-            return None
-        return scalar(system.states, [system.numeric(g.expression) for g in system.hold_guards(i, self.model.mode)])
 
 
 class ModeTable:
@@ -157,7 +141,8 @@ class ModeTable:
     ``known`` is a table of the same system for another library; its callables are used again.
     """
 
-    rounding = ROUNDING
+    rounding = 1e-13
+    """A value below this part of the size of its terms is zero but for rounding."""
 
     def __init__(
         self, system: FilippovSystem, library: Library, work: Work, horizon: float, known: ModeTable | None = None
@@ -179,7 +164,8 @@ class ModeTable:
                 if key not in self._models:
                     self._models[key] = ModeFunctions(self.system, mode, self.in_doubles, idle)
                 model = self._models[key]
-                self._entries[key] = ModeEntry(model, self._library.flow(model, self._work, self._horizon))
+                flow = self._library.flow(model, self._work, self._horizon)
+                self._entries[key] = ModeEntry(model, flow.advance)
         return self._entries[key]
 
     @property
@@ -199,6 +185,8 @@ class ModeTable:
         guards = whole.model.guards
         still = {guards[k].index for k, _, rate in fresh if guards[k].kind == "surface" and rate == 0.0}
         still.update(i for i in before if mode[i] != 0)
+        if not still:
+            return whole, tuple(fresh), ()
         idle = frozenset(i for i in still if self._stays(t, x, mode, i))
         moved = [whole.model.surface_guard[i] for i in sorted(set(before) & still - idle)]
         known = {k for k, *_ in fresh}
@@ -220,7 +208,7 @@ class ModeTable:
         guards = [model.guards[k] for k in hits]
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
         involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
-        x, drift = projected([surface(self.system, i) for i in sorted(involved)], t, x)
+        x, drift = projected(self.system, sorted(involved), t, x)
         for i, entry_now in enumerate(model.mode):  # errors may have given a body at rest a speed
             impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
             x = x if impact is None else tuple(without_speed(impact, self, t, x))
@@ -270,17 +258,8 @@ class ModeTable:
     def sign(self, value: float) -> int:
         return (value > 0.0) - (value < 0.0)
 
-    def decide(self, t: float, x: Sequence[float], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Select the mode at a point from the signs of the surfaces and of the ``valid`` expressions."""
-        return mode_by_signs(self.in_doubles.at(t, x), surfaces, valid, where="after the reset")
-
-    def text(self, t: float) -> str:
-        """Format a time for messages."""
-        return f"{t:.17g}"
-
-    def on_surface(self, index: int, t: float, x: Sequence[float]) -> tuple[tuple[float, ...], float]:
-        """Project a state onto a surface; return the state and its abs(h) before."""
-        return projected([surface(self.system, index)], t, x)
+    def at(self, t: float, x: Sequence[float]) -> TapePoint:
+        return self.in_doubles.at(t, x)
 
     def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: those of the ``involved`` surfaces, and others within rounding."""
@@ -289,7 +268,7 @@ class ModeTable:
             if guard.kind != "surface" or guard.index not in involved:
                 try:
                     value = model.guard[k](t, *x)[0]
-                    if abs(value) > ON * model.size(k, t, x, EPSILON, 0.0):
+                    if abs(value) > 8.0 * model.size(k, t, x, EPSILON, 0.0):
                         continue
                     rate = model.rates(t, *x)[2 * k + 1] if guard.ends else 0.0
                 except ARITHMETIC:

@@ -31,13 +31,12 @@ import sympy as sp
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from henon_ref.baselines.adapter import LibrarySolver, RunOptions
+from henon_ref.baselines.adapter import LibrarySolver
 from henon_ref.baselines.driver import Driver
-from henon_ref.baselines.library import LIMIT
+from henon_ref.baselines.library import LIMIT, DeadlinePassed, Times, Work
 from henon_ref.baselines.record import Record
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.baselines.sundials import ADAMS
-from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.callables import rounded
@@ -50,12 +49,10 @@ from henon_ref.trajectory import Status, Trajectory
 
 STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
 """Pairs (bound, stages): the first pair whose bound is below the row's tolerance sets the number of stages."""
-COMPLEMENTARITY = (1e-11, 1e-8)
-"""Bounds of the complementarity's tolerance, which is a hundredth of the row's tolerance."""
-GRID, REFINED = 1e-3, 2
-"""Tolerance of the run whose steps are counted for the grid, and control steps per counted step."""
-FEWEST, MOST = 20, 20_000
-"""Bounds of the number of control steps of a run."""
+GRID = 1e-3
+"""Tolerance of the run whose steps are counted for the grid."""
+FEWEST = 20
+"""Smallest number of control steps of a run."""
 ELEMENTS = 2
 """Finite elements per control step."""
 HOMOTOPIES = ((1e-2, 1e-4), (1e-1, 1e-2), (1.0, 0.1))
@@ -64,8 +61,6 @@ HALVINGS = 2
 """Largest number of halvings of a control step that IPOPT cannot solve."""
 MOST_SURFACES = 3
 """Largest number n of surfaces; they make 2**n regions."""
-EMPTY = 1e-9
-"""A finite element shorter than this part of its control step has no mode."""
 
 
 class Nosnoc(LibrarySolver):
@@ -78,7 +73,7 @@ class Nosnoc(LibrarySolver):
     distribution = module = "nosnoc"
     extra = "peers"
 
-    def prepared(self, problem: Problem, options: RunOptions) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Build the nonlinear program."""
         system = problem.system
         for beyond, words in (
@@ -91,22 +86,22 @@ class Nosnoc(LibrarySolver):
         if not 1 <= len(system.surfaces) <= MOST_SURFACES:
             raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
         self.loaded()
-        return _Simulation(problem, options.rtol, self.landing, options.deadline).run
+        return _Simulation(problem, rtol, self.landing, work).run
 
 
 class _Simulation:
     """One problem prepared for repeated runs."""
 
-    def __init__(self, problem: Problem, rtol: float, landing: str, deadline: float | None) -> None:
+    def __init__(self, problem: Problem, rtol: float, landing: str, work: Work) -> None:
         import casadi
         import nosnoc
 
         self.problem, self.landing = problem, landing
         self.nearest = sqrt(_complementarity(rtol))
-        self.work = Work(deadline)
+        self.work = work
         self.start, self.until = float(problem.start), float(problem.until)
         self.success = nosnoc.Status.SUCCESS
-        self.steps = _control_steps(problem, deadline)
+        self.steps = _control_steps(problem, work.deadline)
         self.length = (self.until - self.start) / self.steps
         self.clocked = any(e.has(TIME) for e in (*problem.system.field, *problem.system.surfaces))
         initial = [float(v) for v in problem.initial]
@@ -141,7 +136,7 @@ class _Simulation:
             if elements is None:
                 return ended("failed", t, f"IPOPT finds no step from t = {t:.17g}")
             for at, element in enumerate(elements):
-                if element.length > EMPTY * self.length:
+                if element.length > 1e-9 * self.length:  # a shorter one has no mode
                     after = self._mode(element)
                     if after != mode and (k or at):
                         # The lengths of elements have an error of the complementarity's tolerance.
@@ -216,13 +211,12 @@ def _control_steps(problem: Problem, deadline: float | None) -> int:
         scout = Driver(problem, ADAMS.library(GRID, GRID), Work(deadline))
         found = scout.run()
     done = (found.end_time - scout.start) / (scout.until - scout.start)
-    return min(max(ceil(REFINED * found.counts.steps / max(done, 1e-3)), FEWEST), MOST)
+    return min(max(ceil(2 * found.counts.steps / max(done, 1e-3)), FEWEST), 20_000)
 
 
 def _complementarity(rtol: float) -> float:
     """Tolerance of the complementarity for a row's tolerance."""
-    least, most = COMPLEMENTARITY
-    return min(max(1e-2 * rtol, least), most)
+    return min(max(1e-2 * rtol, 1e-11), 1e-8)
 
 
 def _options(nosnoc: Any, rtol: float, length: float) -> Any:

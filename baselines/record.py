@@ -10,37 +10,21 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.library import LIMIT, Stop
+from henon_ref.baselines.library import LIMIT, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import MARGIN
-from henon_ref.baselines.work import Work
 from henon_ref.modes.callables import ARITHMETIC, Scalar
 from henon_ref.modes.mode import Mode, transition_kind
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import rows_at
 from henon_ref.trajectory import Kind, Status, Trajectory, Transition
 
-WINDOW = 32
-"""Events accumulate if ``WINDOW`` (plus four per surface) consecutive events lie within ``ULPS`` units in the last
-place of the time or within ``SPAN`` times the horizon."""
-ULPS = 64.0
-SPAN = 1e-12
-MOST = 10_000_000
-"""Largest number of events of one run."""
 IMPACTS = 16
-"""Impacts accumulate if the last ``IMPACTS`` flights took at least ``STEADY`` times as long as the ``IMPACTS`` flights
-before them, and less than ``SHORT`` times the horizon: the restart, not the dynamics, then sets their length."""
-STEADY = 0.999
-SHORT = 1e-5
-GROUP = 4
-"""Events also accumulate if ``CHAIN`` or more successive groups of ``GROUP`` events each last at most half as long as
-the group before, and the last group is shorter than ``CHATTER`` sqrt(absolute tolerance) times the first group."""
-CHAIN = 5
-CHATTER = 16.0
-GROWTH = 8.0
-"""A step size that underflows means blow-up only if the state has grown by the factor ``GROWTH`` since the mode began
-and would change by the part ``RUSH`` within 1024 units in the last place of the time."""
-RUSH = 1e-3
+"""Impacts accumulate if the last 16 flights took as long as the 16 flights before them, and less than a small part of
+the horizon: the restart, not the dynamics, then sets their length."""
+GROUP, CHAIN = 4, 5
+"""Events also accumulate if at least 5 successive groups of 4 events last at most half as long as the group before, and
+the last group is shorter than 16 sqrt(absolute tolerance) times the first group."""
 
 _Fields = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
 """Fields of a :class:`Transition` in their order, without the landing."""
@@ -53,8 +37,7 @@ class Transitions(Sequence[Transition]):
     """
 
     def __init__(self, events: list[_Fields], landing: str) -> None:
-        self._events = events
-        self._landing = landing
+        self._events, self._landing = events, landing
 
     def __len__(self) -> int:
         return len(self._events)
@@ -77,20 +60,15 @@ class Record:
     """
 
     def __init__(
-        self,
-        work: Work,
-        problem: Problem,
-        landing: str,
-        blur: float = 0.0,
-        sample_times: NDArray[np.float64] | None = None,
+        self, work: Work, problem: Problem, landing: str, blur: float = 0.0, sample_times: Times = None
     ) -> None:
         self.work, self.landing = work, landing
         self.events: list[_Fields] = []
         self.drift = 0.0
         self._times: list[float] = []
-        self._window = WINDOW + 4 * len(problem.system.surfaces)
+        self._window = 32 + 4 * len(problem.system.surfaces)
         self._horizon = float(problem.until) - float(problem.start)
-        self._floor = min(1e-2, CHATTER * math.sqrt(blur))
+        self._floor = min(1e-2, 16.0 * math.sqrt(blur))
         self._sample_times, states = sample_times, len(problem.system.states)
         self._samples = None if sample_times is None else np.full((len(sample_times), states), np.nan)
         self._sample_modes: list[Mode] = []
@@ -132,17 +110,17 @@ class Record:
             return ""
         if count > 2 * IMPACTS and all(event[0] == "reset" for event in self.events[-2 * IMPACTS :]):
             latest, earlier = times[-1] - times[-1 - IMPACTS], times[-1 - IMPACTS] - times[-1 - 2 * IMPACTS]
-            if STEADY * earlier <= latest <= SHORT * self._horizon:
+            if 0.999 * earlier <= latest <= 1e-5 * self._horizon:
                 return (
                     f"impacts accumulate at t = {times[-1]:.17g}, and no longer grow faster: the last {IMPACTS} took "
                     f"{latest:.3g} s, as long as those before; a restart cannot tell flights that short"
                 )
-        if count > self._window:
+        if count > self._window:  # all events of the window within roundings of the time, or of the horizon
             t, latest = times[-1], times[-1] - times[-1 - self._window]
-            if latest <= max(ULPS * EPSILON * abs(t), SPAN * self._horizon):
+            if latest <= max(64.0 * EPSILON * abs(t), 1e-12 * self._horizon):
                 return f"events accumulate at t = {t:.17g}: the last {self._window} took {latest:.3g} s"
-            if count >= MOST:
-                return f"more than {MOST} events by t = {t:.17g}"
+            if count >= 10_000_000:
+                return f"more than 10000000 events by t = {t:.17g}"
         if not resting and self._floor and count > GROUP * CHAIN:
             return self._shrunk()
         return ""
@@ -169,7 +147,7 @@ class Record:
                 return f"events accumulate near t = {times[-1]:.17g}: the last 4 took {latest:.3g} s; there: {reason}"
         return reason
 
-    def wanted(self, t: float, x: Sequence[float], mode: Mode) -> NDArray[np.float64] | None:
+    def wanted(self, t: float, x: Sequence[float], mode: Mode) -> Times:
         """Return the sample times after t, or None if none remain. Samples up to t get the state x."""
         if self._sample_times is None or self._samples is None:
             return None
@@ -194,17 +172,9 @@ class Record:
         if self._samples is not None:
             modes = tuple(self._sample_modes) + (mode,) * (len(self._samples) - len(self._sample_modes))
         return Trajectory(
-            status=status,
-            transitions=Transitions(self.events, self.landing),
-            end_time=t,
-            end_state=tuple(x),
-            end_mode=mode,
-            reason=reason,
-            counts=self.work.counts,
-            max_surface_drift=self.drift,
-            samples=self._samples,
-            sample_modes=modes,
-        )
+            status, Transitions(self.events, self.landing), t, tuple(x), mode, reason, self.work.counts, self.drift,
+            self._samples, modes,
+        )  # fmt: skip
 
 
 def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]) -> bool:
@@ -218,8 +188,8 @@ def blown_up(field: Scalar, began: Sequence[float], t: float, x: Sequence[float]
     except ARITHMETIC:
         return False
     instant = 1024.0 * EPSILON * abs(t)
-    grown = GROWTH * max(abs(v) for v in began)
-    return any(abs(v) > grown and abs(f) * instant > RUSH * abs(v) for v, f in zip(x, rates, strict=True))
+    grown = 8.0 * max(abs(v) for v in began)
+    return any(abs(v) > grown and abs(f) * instant > 1e-3 * abs(v) for v, f in zip(x, rates, strict=True))
 
 
 def ended(

@@ -24,19 +24,13 @@ rounding. The driver computes them without the library.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.modes.callables import ARITHMETIC
 
 Restart = Literal["event-free-step", "offset", "direction", "none"]
-
-Watcher = Callable[[float, NDArray[np.float64]], float]
-"""A guard as an event function ``g(t, x)`` of a library."""
 
 LIFT = 8.0
 """Lift of a guard under ``offset``, in units of the rounding of its terms."""
@@ -44,25 +38,14 @@ STOPPED = 0.01
 """Part of the tolerances at which an implicit method stops its iteration in the first step."""
 MARGIN = 16.0
 """A guard differs from zero if its value is this multiple of its noise (``event-free-step``)."""
-ORDER = 4
-"""Order of the Taylor series that sets the length of the event-free step."""
 SPAN = 1e-9
 """Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
-TANGENT = 1e-11
-"""A rate below this part of the speed is rounding; the lift covers its effect."""
-NEARLY_TANGENT = 1e-2
-"""A release is tangential only if the guard's rate is below this part of the speed."""
 LONGEST = 1e-3
 """Longest event-free step, as a part of the horizon."""
 LEAST = 1e-300
 """Smallest lift; it only avoids an exact zero."""
-ROUGHEST = 1e-9
-"""Smallest tolerance for which :func:`low_flight` takes the noise of a guard; below it, rounding dominates the error
-of a restart, which is 1e-7 of the length of such a low flight."""
 FLIGHT_ORDER = 8
 """Order of the Taylor polynomials of low flights."""
-ROUNDS = 4
-"""Newton steps from the root of the parabola to the root of the polynomial."""
 
 
 Fresh = tuple[int, float, float]
@@ -76,21 +59,22 @@ def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horiz
     value = max(LIFT * EPSILON * (model.size(guard, t, x, 1.0, 0.0) + speed * SPAN * horizon), LEAST)
     if model.guards[guard].rising_only:
         return -value
-    return value + dip(model, fresh, t, x) if dips(speed, rate) else value
+    if not dips(speed, rate):
+        return value
+    try:
+        slope, bend = model.bend(guard)(t, *x)
+    except ARITHMETIC:
+        return value
+    # Twice the depth to which the guard falls; 0 if it does not rise again.
+    return value + (slope * slope / bend if bend > 0.0 else 0.0)
 
 
 def dips(speed: float, rate: float) -> bool:
-    """Check whether a guard falls before it rises, because a tangential release was located slightly early or late."""
-    return -NEARLY_TANGENT * speed < rate < -TANGENT * speed
+    """Check whether a guard falls before it rises, because a tangential release was located slightly early or late.
 
-
-def dip(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float]) -> float:
-    """Twice the depth to which a guard falls before it rises; 0 if it does not rise."""
-    try:
-        slope, bend = model.bend(fresh[0])(t, *x)
-    except ARITHMETIC:
-        return 0.0
-    return slope * slope / bend if bend > 0.0 else 0.0
+    A rate below 1e-11 of the speed is rounding, which the lift covers; above 1e-2 the release is not tangential.
+    """
+    return -1e-2 * speed < rate < -1e-11 * speed
 
 
 def quiet_until(
@@ -101,9 +85,9 @@ def quiet_until(
     ``levels`` is the noise of each guard's value, ``longest`` the longest event-free step [s].
     """
     try:
-        series = model.series(t, x, ORDER)[1]
+        series = model.series(t, x, 4)[1]
     except ARITHMETIC:
-        series = [[0.0] * (ORDER + 1)] * len(model.guards)
+        series = [[0.0]] * len(model.guards)
     ends = []
     for (guard, *_), level in zip(fresh, levels, strict=True):
         coefficients = series[guard]
@@ -113,70 +97,6 @@ def quiet_until(
         step = min([longest, *whiles])
         ends.append(t + max(step, 4.0 * EPSILON * abs(t)))
     return ends
-
-
-class GatedGuards:
-    """Event functions of one mode under a restart policy; :meth:`open` sets them at the start of the mode.
-
-    ``errors`` are the relative and absolute error of the state after the library's first steps: rounding for an
-    explicit method, a part of the tolerances for a method with a nonlinear solver.
-    """
-
-    def __init__(self, model: ModeFunctions, policy: Restart, errors: tuple[float, float]) -> None:
-        self.model, self.policy, self.errors = model, policy, errors
-        count = len(model.guards)
-        self.quiet = [-np.inf] * count
-        """Time up to which the event function of each guard returns :attr:`resting`."""
-        self.lifts = [0.0] * count
-        self.resting = [-1.0 if g.rising_only else 1.0 for g in model.guards]
-
-    @property
-    def direction(self) -> int:
-        """Direction of the roots that count: -1 (falling) or 0 (either)."""
-        return 0 if self.policy == "none" else -1
-
-    def open(self, t: float, x: Sequence[float], fresh: Sequence[Fresh], horizon: float) -> None:
-        """Set quiet intervals and lifts for a start of the mode at (t, x)."""
-        count = len(self.quiet)
-        self.quiet[:] = [-np.inf] * count
-        self.lifts[:] = [0.0] * count
-        if not fresh:
-            return
-        if self.policy == "offset":
-            for item in fresh:
-                self.lifts[item[0]] = lift(self.model, item, t, x, horizon)
-        elif self.policy == "event-free-step":
-            levels = [self._level(guard, speed, t, x, horizon) for guard, speed, _ in fresh]
-            ends = quiet_until(self.model, fresh, t, x, levels, LONGEST * horizon)
-            for (guard, *_), end in zip(fresh, ends, strict=True):
-                self.quiet[guard] = end
-
-    def _level(self, guard: int, speed: float, t: float, x: Sequence[float], horizon: float) -> float:
-        return self.model.size(guard, t, x, *self.errors) + EPSILON * speed * SPAN * horizon
-
-    def watcher(self, k: int, count: Callable[[], None], value: Watcher | None = None) -> Watcher:
-        """Return the event function of guard ``k``; it calls ``count`` at every evaluation.
-
-        ``value`` replaces the mode's own ``g(t, x)`` by another function with the same roots.
-        """
-        quiet, lifts, resting = self.quiet, self.lifts, self.resting[k]
-        guard, n = self.model.guard[k], len(self.model.states)
-        plain = value or (lambda t, x: guard(t, *x[:n].tolist())[0])
-
-        def watched(t: float, x: NDArray[np.float64]) -> float:
-            count()
-            if t <= quiet[k]:
-                return resting
-            try:
-                return plain(t, x) + lifts[k]
-            except ARITHMETIC:
-                return np.nan
-
-        return watched
-
-    def watchers(self, count: Callable[[], None]) -> list[Watcher]:
-        """Return the event functions of all guards."""
-        return [self.watcher(k, count) for k in range(len(self.quiet))]
 
 
 def low_flight(
@@ -190,7 +110,8 @@ def low_flight(
     """
     try:
         rate, bend = model.bend(guard)(t, *x)
-        noise = MARGIN * model.size(guard, t, x, *(max(part, ROUGHEST) for part in accuracy))
+        # Below a tolerance of 1e-9 rounding dominates the error of a restart, 1e-7 of the length of such a low flight.
+        noise = MARGIN * model.size(guard, t, x, *(max(part, 1e-9) for part in accuracy))
         if not (rate > 0.0 > bend) or rate * rate > -2.0 * bend * noise:
             return None
         states, guards = model.series(t, x, FLIGHT_ORDER)
@@ -199,7 +120,7 @@ def low_flight(
     own = guards[guard][1:]
     slopes = [k * c for k, c in enumerate(own)][1:]
     length = -own[0] / own[1]
-    for _ in range(ROUNDS):
+    for _ in range(4):  # Newton steps from the root of the parabola
         slope = _value(slopes, length)
         if not slope < 0.0:
             return None

@@ -16,7 +16,6 @@ less accurate than the steps.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -24,12 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import SCOUTING, Adapter
-from henon_ref.baselines.library import Library, Stop
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.baselines.numba_callbacks import Callbacks
+from henon_ref.baselines.library import Library, Stop, Work
+from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
 from henon_ref.baselines.restart import Restart
-from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
-from henon_ref.baselines.work import Work
+from henon_ref.baselines.smooth_mode import SmoothMode
 
 IMPLICIT = ("Radau", "BDF", "LSODA")
 
@@ -40,15 +37,16 @@ class _Mode(SmoothMode):
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
         own: ScipyIvp = library.solver
-        self._rhs, self._root_tolerance = counted_field(model, own.callbacks, work), own.root_tolerance
+        self._rhs, self._root_tolerance = self.counted_field(own.callbacks), own.root_tolerance
         self._options: dict[str, Any] = {"method": own.method, "rtol": library.rtol, "atol": library.atol}
         if own.method in IMPLICIT:
             self._options["jac"] = model.jacobian(own.callbacks)
-        guards = self.gates.watchers(work.count_event)
-        self._events = [*(_event(g, self.gates.direction) for g in guards), _event(self.last.value, -1)]
+        self._events: list[Any] = [*self.watchers, lambda t, x: self.divergence(t, x)]
+        for event in self._events:  # SciPy reads both attributes
+            event.terminal, event.direction = True, self.root_direction
+        self._events[-1].direction = -1
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         wanted = self.wanted
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
@@ -91,19 +89,6 @@ class _Mode(SmoothMode):
         if value(step.t_old) * value(step.t) < 0.0:
             end = brentq(value, step.t_old, step.t, xtol=tolerance, rtol=4.0 * EPSILON)
         return end, tuple(step(end)[: self.states].tolist())
-
-
-def _event(
-    function: Callable[[float, NDArray[np.float64]], float], direction: int
-) -> Callable[[float, NDArray[np.float64]], float]:
-    """Return a terminal event function. SciPy reads the attributes ``terminal`` and ``direction``."""
-
-    def event(t: float, x: NDArray[np.float64]) -> float:
-        return function(t, x)
-
-    event.terminal = True  # type: ignore[attr-defined]
-    event.direction = direction  # type: ignore[attr-defined]
-    return event
 
 
 @dataclass(frozen=True)

@@ -22,35 +22,24 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.adapter import LibrarySolver, RunOptions
-from henon_ref.baselines.library import LIMIT
+from henon_ref.baselines.adapter import LibrarySolver
+from henon_ref.baselines.library import LIMIT, DeadlinePassed, Stalled, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON
 from henon_ref.baselines.record import blown_up
-from henon_ref.baselines.work import DeadlinePassed, Work
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian, Scalar, scalar
 from henon_ref.modes.mode import Mode, replaced, transition_kind
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Status, Trajectory, Transition
 
-WIDTH = 100.0
-"""Width of the smoothing, in units of ``atol``."""
-BAND = {"tanh": 20.0, "sign": 200.0}
-"""Half-width of the band: in widths of the smoothing (at 20 of them tanh is 1 to the last place), or in tolerances (the
-state jumps over the surface by tens of them)."""
-BUDGET = 100_000
-"""Largest number of right-hand sides of a run of ``scipy-sign``."""
-SUBSTEPS = 4
-"""Points per step at which a surface is evaluated."""
 LINGERS = 3.5
 """A stay in the band is a stick if it lasts longer than this multiple of the passing time by the slopes at the edges.
 
@@ -58,10 +47,6 @@ Passing a root of order p takes p times as long, and roots of order above three 
 
 Dense = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Dense output of a step: maps k times to (n, k) states."""
-
-
-class BudgetSpent(Exception):  # noqa: N818  (not an error: it leaves SciPy's loop)
-    """Raised in the right-hand side when the budget of evaluations is used up."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +65,7 @@ class ScipyNaive(LibrarySolver):
     distribution = "SciPy"
     module = "scipy.integrate"
 
-    def prepared(self, problem: Problem, options: RunOptions) -> Run:
+    def prepared(self, problem: Problem, rtol: float, atol: float, work: Work, times: Times) -> Run:
         """Lambdify the field."""
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} has no events and does not support jumps of the state")
@@ -88,10 +73,11 @@ class ScipyNaive(LibrarySolver):
             raise UnsupportedError(f"{self.name} has the sign 0 on a surface, so it cannot begin there on a given side")
         if problem.system.overrides:
             raise UnsupportedError(f"{self.name} has no sliding mode that a 'sliding' override could replace")
-        method = getattr(self.loaded(), self.method)
-        return _Naive(
-            self, problem, method, max(options.rtol, 100.0 * EPSILON), options.atol, Work(options.deadline)
-        ).run
+        return _Naive(self, problem, max(rtol, 100.0 * EPSILON), atol, work).run
+
+
+def _state(dense: Dense, t: float) -> tuple[float, ...]:
+    return tuple(dense(np.array([t]))[:, 0].tolist())
 
 
 def _sgn(value: float) -> float:
@@ -101,19 +87,23 @@ def _sgn(value: float) -> float:
 class _Naive:
     """One problem prepared for repeated runs."""
 
-    def __init__(
-        self, solver: ScipyNaive, problem: Problem, method: Callable[..., Any], rtol: float, atol: float, work: Work
-    ) -> None:
+    def __init__(self, solver: ScipyNaive, problem: Problem, rtol: float, atol: float, work: Work) -> None:
         system = problem.system
-        self.system, self.method, self.work, self.budget = system, method, work, solver.budget
+        self.method, self.work, self.budget = getattr(solver.loaded(), solver.method), work, solver.budget
         self.start, self.until = float(problem.start), float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.options: dict[str, Any] = {"rtol": rtol, "atol": atol}
         smooth = solver.sign == "tanh"
-        eps = WIDTH * atol if smooth else atol + rtol
-        self.width = BAND[solver.sign] * eps
-        field = _without_signs(system, solver.sign, eps)
-        self.surfaces = [scalar(system.states, [system.numeric(h)]) for h in system.surfaces]
+        eps = 100.0 * atol if smooth else atol + rtol
+        # Half-width of the band: at 20 widths of the smoothing tanh is 1 to the last place; with sign the state jumps
+        # over the surface by tens of tolerances.
+        self.width = (20.0 if smooth else 200.0) * eps
+        # The field with every sign symbol replaced by a function of its surface.
+        surfaces = [system.numeric(h) for h in system.surfaces]
+        sign = (lambda h: sp.tanh(h / sp.Float(eps))) if smooth else sp.Function("sgn")
+        written = dict(zip(system.signs, map(sign, surfaces), strict=True))
+        field = [system.numeric(f).xreplace(written) for f in system.field]
+        self.surfaces = [scalar(system.states, [h]) for h in surfaces]
         self.valid = [scalar(system.states, [system.numeric(e)]) for e in system.valid]
         self.field = scalar(system.states, field, functions={"sgn": _sgn})
         if smooth:
@@ -122,7 +112,7 @@ class _Naive:
     def _rhs(self, t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
         self.work.count_rhs()
         if self.budget is not None and self.work.rhs > self.budget:
-            raise BudgetSpent
+            raise Stalled(f"the budget of {self.budget} right-hand sides was spent by t = {self.t:.17g}")
         try:
             return self.field(t, *x.tolist())
         except ARITHMETIC:
@@ -132,9 +122,9 @@ class _Naive:
         """Run from the start to the horizon."""
         self.work.start()
         bands = [Band(h, self.width, self.start, self.initial) for h in self.surfaces]
-        seen: list[tuple[float, tuple[float, ...]]] = [(self.start, self.initial)]
-        status, reason = self._march(seen, bands)
-        t, x = seen[0]
+        self.t, self.x = self.start, self.initial
+        status, reason = self._march(bands)
+        t, x = self.t, self.x
         if status == "failed" and blown_up(self.field, self.initial, t, x):
             status, reason = "diverged", f"the state blows up at t = {t:.17g}: {reason}"
         for band in bands:
@@ -142,8 +132,8 @@ class _Naive:
         transitions, mode = joined(bands)
         return Trajectory(status, transitions, t, x, mode, reason, self.work.counts)
 
-    def _march(self, seen: list[tuple[float, tuple[float, ...]]], bands: Sequence[Band]) -> tuple[Status, str]:
-        """Step to the horizon; at the end of the run ``seen[0]`` is the last accepted point."""
+    def _march(self, bands: Sequence[Band]) -> tuple[Status, str]:
+        """Step to the horizon; (self.t, self.x) is the last accepted point."""
         if self.until - self.start <= 2.0 * EPSILON * abs(self.until):
             return "ok", ""
         with warnings.catch_warnings(record=True) as caught, np.errstate(all="ignore"):
@@ -159,20 +149,18 @@ class _Naive:
                     if not np.isfinite(solver.y).all():
                         return "failed", f"the state is not finite after t = {t_old:.17g}"
                     if np.abs(solver.y).max() > LIMIT:
-                        seen[0] = (t, tuple(solver.y.tolist()))
+                        self.t, self.x = t, tuple(solver.y.tolist())
                         return "diverged", f"the state passed {LIMIT:g} at t = {t:.17g}"
                     ended = self._left_model(t_old, t, dense)
                     t = t if ended is None else ended
-                    seen[0] = (t, tuple(dense(np.array([t]))[:, 0].tolist()))
+                    self.t, self.x = t, _state(dense, t)
                     for band in bands:
                         band.step(t_old, t, dense)
                     if ended is not None:
                         return "invalid", f"the model ends: an expression of 'valid' fell to 0 at t = {t:.17g}"
             except DeadlinePassed:
                 return "timeout", f"stopped after {self.work.deadline:g} s"
-            except BudgetSpent:
-                return "failed", f"the budget of {self.budget} right-hand sides was spent by t = {seen[0][0]:.17g}"
-            except (ValueError, np.linalg.LinAlgError) as error:
+            except (Stalled, ValueError, np.linalg.LinAlgError) as error:
                 return "failed", str(error)
         return "ok", ""
 
@@ -182,25 +170,14 @@ class _Naive:
         for expression in self.valid:
 
             def value(time: float, expression: Scalar = expression) -> float:
-                return expression(time, *dense(np.array([time]))[:, 0].tolist())[0]
+                return expression(time, *_state(dense, time))[0]
 
             if value(t) <= 0.0:
                 ends.append(float(brentq(value, t_old, t)) if value(t_old) > 0.0 else t_old)
         return min(ends, default=None)
 
 
-def _without_signs(system: FilippovSystem, sign: Literal["tanh", "sign"], eps: float) -> list[sp.Expr]:
-    """Return the field with every sign symbol replaced by a function of its surface."""
-    sgn = sp.Function("sgn")
-    written = {
-        s: sp.tanh(system.numeric(h) / sp.Float(eps)) if sign == "tanh" else sgn(system.numeric(h))
-        for s, h in zip(system.signs, system.surfaces, strict=True)
-    }
-    return [system.numeric(f).xreplace(written) for f in system.field]
-
-
-@dataclass(frozen=True)
-class _Point:
+class _Point(NamedTuple):
     """Time and state at which a surface meets an edge of its band or its root."""
 
     t: float
@@ -216,24 +193,16 @@ class Band:
     """
 
     def __init__(self, h: Scalar, width: float, t: float, x: Sequence[float]) -> None:
-        self._h = h
-        self._width = width
+        self._h, self._width = h, width
         value = h(t, *x)[0]
-        self._region = self._side(value)
         self._last = (t, value)
-        self._entered: _Point | None = None
-        self._root: Callable[[], _Point] | None = None
-        self.initial = self._region
-        """Entry of the mode at the start: a side, or 0 (corrected when the surface first leaves its band)."""
-        self._mode = self._region
+        self._region = self._mode = self.initial = 0 if abs(value) <= width else 1 if value > 0 else -1
+        """Where the surface is now, the entry of the mode, and that at the start (0 until it first leaves its band)."""
         self._open = self._region == 0
-        if self._open:
-            self._entered = _Point(t, tuple(x), 0.0)
+        self._entered = _Point(t, tuple(x), 0.0) if self._open else None
+        self._root: Callable[[], _Point] | None = None
         self.changes: list[tuple[float, int, tuple[float, ...]]] = []
         """(time, new entry of the mode, state)."""
-
-    def _side(self, value: float) -> int:
-        return 0 if abs(value) <= self._width else 1 if value > 0 else -1
 
     def step(self, t_old: float, t: float, dense: Dense) -> None:
         """Process one accepted step.
@@ -241,11 +210,11 @@ class Band:
         A step that begins and ends inside the band is evaluated at its end only: with a jumping right-hand side a stick
         consists of hundreds of thousands of such steps.
         """
-        end = self._h(t, *dense(np.array([t]))[:, 0].tolist())[0]
+        end = self._h(t, *_state(dense, t))[0]
         if self._region == 0 and abs(end) <= self._width:
             self._check_crossings(t, end, dense)
             return
-        times = np.linspace(t_old, t, SUBSTEPS + 1)[1:]
+        times = np.linspace(t_old, t, 5)[1:]  # the surface is evaluated at four points
         states = dense(times)
         for time, state in zip(times.tolist(), states.T, strict=True):
             self._check_crossings(time, self._h(time, *state.tolist())[0], dense)
@@ -255,30 +224,22 @@ class Band:
         slope = (value - old) / (t - t_old) if t > t_old else 0.0
         if (old < 0.0) != (value < 0.0) and old != 0.0:
             self._root = partial(self._locate, t_old, t, 0.0, slope, dense)
-        for level in self._levels(old, value):
-            self._pass(self._locate(t_old, t, level, slope, dense), level, 1 if slope > 0 else -1)
+        edges = [edge for edge in (-self._width, self._width) if min(old, value) < edge <= max(old, value)]
+        for edge in edges if value > old else edges[::-1]:
+            point = self._locate(t_old, t, edge, slope, dense)
+            if (slope > 0) == (edge > 0):
+                self._leave(point, 1 if edge > 0 else -1)
+            else:
+                self._entered, self._region = point, 0
         self._last = (t, value)
-
-    def _levels(self, old: float, value: float) -> list[float]:
-        """Edges of the band between two values, in the order in which they are passed."""
-        met = [edge for edge in (-self._width, self._width) if min(old, value) < edge <= max(old, value)]
-        return met if value > old else met[::-1]
 
     def _locate(self, t_old: float, t: float, level: float, slope: float, dense: Dense) -> _Point:
         def above(time: float) -> float:
-            return self._h(time, *dense(np.array([time]))[:, 0].tolist())[0] - level
+            return self._h(time, *_state(dense, time))[0] - level
 
         low, high = above(t_old), above(t)
         time = t if low * high > 0.0 else float(brentq(above, t_old, t, xtol=1e-300, rtol=1e-15))
-        return _Point(time, tuple(dense(np.array([time]))[:, 0].tolist()), slope)
-
-    def _pass(self, point: _Point, level: float, direction: int) -> None:
-        """Process the passing of an edge of the band, upwards or downwards."""
-        side = 1 if level > 0 else -1
-        if direction == side:
-            self._leave(point, side)
-        else:
-            self._entered, self._region = point, 0
+        return _Point(time, _state(dense, time), slope)
 
     def _leave(self, point: _Point, side: int) -> None:
         entered, self._region = self._entered, side
@@ -325,4 +286,4 @@ def joined(bands: Sequence[Band]) -> tuple[list[Transition], Mode]:
 
 
 SMOOTHED = ScipyNaive("scipy-smoothed", "tanh", "LSODA")
-SIGN = ScipyNaive("scipy-sign", "sign", "RK45", budget=BUDGET)
+SIGN = ScipyNaive("scipy-sign", "sign", "RK45", budget=100_000)

@@ -1,7 +1,6 @@
 """Base class of a library's integration of one smooth mode; a subclass implements one method.
 
-The driver handles modes, sliding and events. heyoka's mode does not call Python and has its own
-:class:`henon_ref.baselines.library.Flow`.
+The driver handles modes, sliding and events. heyoka's mode does not call Python and is not a subclass.
 """
 
 from __future__ import annotations
@@ -15,16 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.baselines.library import LIMIT, Library, Stop
-from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.baselines.numba_callbacks import Callbacks
-from henon_ref.baselines.restart import Fresh, GatedGuards, Watcher
-from henon_ref.baselines.work import Stalled, Work
+from henon_ref.baselines.library import LIMIT, Library, Stalled, Stop, Times, Work
+from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
+from henon_ref.baselines.restart import LONGEST, SPAN, Fresh, lift, quiet_until
 from henon_ref.errors import ContractError
 from henon_ref.modes.callables import ARITHMETIC, Jacobian
 
-STALL = 2000
-"""Largest number of successive evaluations within four roundings of the same time; more mean that steps stall."""
+Watcher = Callable[[float, NDArray[np.float64]], float]
+"""A guard as an event function ``g(t, x)`` of a library."""
 
 
 class SmoothMode(ABC):
@@ -56,10 +53,14 @@ class SmoothMode(ABC):
         self.library, self.model, self.work, self.horizon = library, model, work, horizon
         self.states = len(model.states)
         """Number n of states."""
-        self.gates = GatedGuards(model, library.restart, library.errors)
-        """Guards under the restart policy; their ``watchers`` are the library's event functions."""
-        self.last = LastSeen(self.states, work.count_event)
-        """Event function that falls through zero if the state diverges; it follows the guards."""
+        self.root_direction = 0 if library.solver.restart == "none" else -1
+        """Direction of the roots that count: -1 (falling) or 0 (either)."""
+        self.quiet = [-math.inf] * len(model.guards)
+        """Time up to which the event function of each guard is 1 (-1 for a guard that must rise before it counts)."""
+        self.lifts = [0.0] * len(model.guards)
+        self.last: tuple[float, tuple[float, ...]] = (-math.inf, ())
+        """Time and state at the latest call of :meth:`divergence`: the end of a run that fails."""
+        self._mark, self._still = -math.inf, 0
 
     @abstractmethod
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
@@ -112,45 +113,11 @@ class SmoothMode(ABC):
         Stalled
             If the time has not moved for 2000 calls; the driver ends the run as ``failed`` or ``diverged``.
         """
-        return np.array([watcher(t, x) for watcher in self._watchers] + [self.last.value(t, x)])
+        return np.array([watcher(t, x) for watcher in self.watchers] + [self.divergence(t, x)])
 
     def jacobian(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Jacobian of :meth:`rhs`, shape (N, N) [unit of row / (s unit of column)]."""
         return self._jacobian(t, x)
-
-    @cached_property
-    def _field(self) -> Callable[[float, NDArray[np.float64]], Any]:
-        return counted_field(self.model, "python", self.work)
-
-    @cached_property
-    def _jacobian(self) -> Jacobian:
-        return self.model.jacobian("python")
-
-    @cached_property
-    def _watchers(self) -> list[Watcher]:
-        return self.gates.watchers(self.work.count_event)
-
-    def advance(
-        self,
-        t: float,
-        low: float,
-        x: Sequence[float],
-        until: float,
-        fresh: Sequence[Fresh],
-        wanted: NDArray[np.float64] | None,
-    ) -> Stop:
-        """Set the guards and call :meth:`integrate`; the driver calls this (:class:`.library.Flow`)."""
-        self.gates.open(t, x, fresh, self.horizon)
-        self.last.start(t, tuple(x))
-        self.wanted = wanted
-        with np.errstate(all="ignore"):
-            try:
-                stop = self.integrate(t, self.model.start(t, x), until)
-            except Stalled as error:
-                return self.failed(str(error))
-        if not isinstance(stop, Stop):
-            raise ContractError(f"integrate must return the result of self.stopped or self.failed, not {stop!r}")
-        return stop
 
     def stopped(
         self,
@@ -177,7 +144,7 @@ class SmoothMode(ABC):
         """
         state = tuple(map(float, x[: self.states]))
         if not all(map(math.isfinite, state)):
-            return self.failed(f"the state is not finite after t = {self.last.t:.17g}")
+            return self.failed(f"the state is not finite after t = {self.last[0]:.17g}")
         if fallen is None:
             return Stop("horizon", t, 0.0, state, samples=samples)
         last = len(self.model.guards)
@@ -189,76 +156,124 @@ class SmoothMode(ABC):
 
     def failed(self, reason: str) -> Stop:
         """Return the stop of a library that gave up or raised; time and state are those of the last event function."""
-        return Stop("failed", self.last.t, 0.0, self.last.x, reason=reason)
+        return Stop("failed", self.last[0], 0.0, self.last[1], reason=reason)
 
-
-class LastSeen:
-    """Event function ``1e100 - sum of abs(x)``, whose root is divergence. It stores the latest evaluated point.
-
-    Libraries evaluate it at every accepted step. Hence the stored point is the end of a run that fails, and stalled
-    steps are detected: at a pole some libraries continue for ever without moving the time. The state is the first
-    ``states`` entries of the arrays; ``count`` is called at every evaluation.
-    """
-
-    def __init__(self, states: int, count: Callable[[], None]) -> None:
-        self._states, self._count = states, count
-        self._mark, self._still = -math.inf, 0
-        self.t = -math.inf
-        self.x: tuple[float, ...] = ()
-
-    def start(self, t: float, x: tuple[float, ...]) -> None:
-        """Begin a run of a mode at (t, x)."""
-        self.t, self.x = t, x
+    def advance(
+        self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh], wanted: Times
+    ) -> Stop:
+        """Set the guards and call :meth:`integrate`; the driver calls this (:data:`.library.Advance`)."""
+        self._restart(t, x, fresh)
+        self.last, self.wanted = (t, tuple(x)), wanted
         self._mark, self._still = t, 0
+        with np.errstate(all="ignore"):
+            try:
+                stop = self.integrate(t, self.model.start(t, x), until)
+            except Stalled as error:
+                return self.failed(str(error))
+        if not isinstance(stop, Stop):
+            raise ContractError(f"integrate must return the result of self.stopped or self.failed, not {stop!r}")
+        return stop
 
-    def value(self, t: float, x: NDArray[np.float64]) -> float:
-        """Evaluate 1e100 - sum of abs(x).
+    @cached_property
+    def _field(self) -> Callable[[float, NDArray[np.float64]], Any]:
+        return self.counted_field("python")
+
+    @cached_property
+    def _jacobian(self) -> Jacobian:
+        return self.model.jacobian("python")
+
+    def counted_field(self, callbacks: Callbacks) -> Callable[[float, NDArray[np.float64]], Any]:
+        """Return the function of the time derivatives of the unknowns; NaN if the field has no value.
+
+        Every call is counted and raises after the deadline. The counting is done in Python even if the field is
+        compiled.
+        """
+        n, count = len(self.model.unknowns), self.work.count_rhs
+        if callbacks == "numba":
+            fill, _ = self.model.compiled_derivatives()
+            fill(0.0, np.ones(n), np.empty(n))  # compiles now, not in the run
+
+            def jitted(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+                count()
+                out = np.empty(n)
+                fill(t, x, out)
+                return out
+
+            return jitted
+        field, nowhere = self.model.derivatives, (math.nan,) * n
+
+        def interpreted(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
+            count()
+            try:
+                return field(t, *x.tolist())
+            except ARITHMETIC:
+                return nowhere
+
+        return interpreted
+
+    @cached_property
+    def watchers(self) -> list[Watcher]:
+        """Event functions of the guards under the restart policy."""
+        return [self.watcher(k) for k in range(len(self.quiet))]
+
+    def watcher(self, k: int, value: Watcher | None = None) -> Watcher:
+        """Return the event function of guard ``k``, which counts its evaluations.
+
+        ``value`` replaces the mode's own ``g(t, x)`` by another function with the same roots.
+        """
+        quiet, lifts, count = self.quiet, self.lifts, self.work.count_event
+        guard, n = self.model.guard[k], self.states
+        resting = -1.0 if self.model.guards[k].rising_only else 1.0
+        plain = value or (lambda t, x: guard(t, *x[:n].tolist())[0])
+
+        def watched(t: float, x: NDArray[np.float64]) -> float:
+            count()
+            if t <= quiet[k]:
+                return resting
+            try:
+                return plain(t, x) + lifts[k]
+            except ARITHMETIC:
+                return np.nan
+
+        return watched
+
+    def divergence(self, t: float, x: NDArray[np.float64]) -> float:
+        """Event function 1e100 - sum of abs(x), whose root is divergence; it follows the guards.
+
+        Libraries evaluate it at every accepted step. Hence stalled steps are detected here: at a pole some libraries
+        continue for ever without moving the time.
 
         Raises
         ------
         Stalled
-            If the time has not moved for :data:`STALL` evaluations.
+            If the time has not moved by more than four roundings for 2000 evaluations.
         """
-        self._count()
-        values = x[: self._states].tolist()
+        self.work.count_event()
+        values = x[: self.states].tolist()
         if t > self._mark + 4.0 * EPSILON * abs(t):
             self._mark, self._still = t, 0
         else:
             self._still += 1
-            if self._still > STALL:
+            if self._still > 2000:
                 raise Stalled(f"the steps no longer move the time t = {t:.17g}")
         size = sum(map(abs, values))
-        if t > self.t and size < math.inf:  # false if a value is NaN
-            self.t, self.x = float(t), tuple(values)
+        if t > self.last[0] and size < math.inf:  # false if a value is NaN
+            self.last = float(t), tuple(values)
         return LIMIT - size
 
-
-def counted_field(
-    model: ModeFunctions, callbacks: Callbacks, work: Work
-) -> Callable[[float, NDArray[np.float64]], Any]:
-    """Return the function of the time derivatives of a mode's unknowns; NaN if the field has no value.
-
-    Every call is counted and raises after the deadline. The counting is done in Python even if the field is compiled.
-    """
-    n, count = len(model.unknowns), work.count_rhs
-    if callbacks == "numba":
-        fill, _ = model.compiled_derivatives()
-        fill(0.0, np.ones(n), np.empty(n))  # compiles now, not in the run
-
-        def jitted(t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
-            count()
-            out = np.empty(n)
-            fill(t, x, out)
-            return out
-
-        return jitted
-    field, nowhere = model.derivatives, (math.nan,) * n
-
-    def interpreted(t: float, x: NDArray[np.float64]) -> tuple[float, ...]:
-        count()
-        try:
-            return field(t, *x.tolist())
-        except ARITHMETIC:
-            return nowhere
-
-    return interpreted
+    def _restart(self, t: float, x: Sequence[float], fresh: Sequence[Fresh]) -> None:
+        """Set quiet intervals and lifts for a start of the mode at (t, x)."""
+        model, solver, horizon = self.model, self.library.solver, self.horizon
+        self.quiet[:] = [-math.inf] * len(self.quiet)
+        self.lifts[:] = [0.0] * len(self.lifts)
+        if fresh and solver.restart == "offset":
+            for item in fresh:
+                self.lifts[item[0]] = lift(model, item, t, x, horizon)
+        elif fresh and solver.restart == "event-free-step":
+            levels = [
+                model.size(guard, t, x, *self.library.errors) + EPSILON * speed * SPAN * horizon
+                for guard, speed, _ in fresh
+            ]
+            ends = quiet_until(model, fresh, t, x, levels, LONGEST * horizon)
+            for (guard, *_), end in zip(fresh, ends, strict=True):
+                self.quiet[guard] = end

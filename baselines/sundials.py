@@ -30,6 +30,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -37,27 +38,20 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.library import Library, Stop
-from henon_ref.baselines.mode_functions import ModeFunctions
-from henon_ref.baselines.numba_callbacks import Callbacks, compiled, jacobian, njit
-from henon_ref.baselines.restart import Restart, Watcher
-from henon_ref.baselines.smooth_mode import SmoothMode, counted_field
-from henon_ref.baselines.work import Stalled, Work
-from henon_ref.modes.callables import ARITHMETIC, scalar
+from henon_ref.baselines.library import Library, Stalled, Stop, Work
+from henon_ref.baselines.mode_functions import Callbacks, Fill, ModeFunctions, compiled, jacobian, njit
+from henon_ref.baselines.restart import Restart
+from henon_ref.baselines.smooth_mode import SmoothMode, Watcher
+from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.modes.equations import Guard
 
 # SUNDIALS' logger writes its warnings ("t + h = t") directly to the standard output of the process.
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
-STEPS_BETWEEN_OUTPUTS = 1_000_000
-"""``max_num_steps`` of scikit-sundae. The value has no effect: only the deadline bounds a run."""
-
 
 class _SundialsMode(SmoothMode):
     """One mode on an integrator of scikit-sundae; subclasses set the attributes and implement ``start``."""
 
-    integrator: str
-    """Name of scikit-sundae's class."""
     function: Callable[..., None]
     """Right-hand side or residual."""
     options: dict[str, Any]
@@ -65,21 +59,19 @@ class _SundialsMode(SmoothMode):
 
     def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
         """Set the options and ``more``. All events are terminal; the last event is the guard against divergence."""
-        last, count, direction = self.last, len(watchers), self.gates.direction
+        divergence, count = self.divergence, len(watchers)
 
         def of_ode(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             for k, watcher in enumerate(watchers):
                 out[k] = watcher(t, x)
-            out[count] = last.value(t, x)
+            out[count] = divergence(t, x)
 
-        def of_dae(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-            of_ode(t, y, out)
-
-        eventsfn: Any = of_dae if dae else of_ode
+        eventsfn: Any = (lambda t, y, yp, out: of_ode(t, y, out)) if dae else of_ode
         # scikit-sundae reads both attributes of the function.
-        eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [direction] * count + [-1]
+        eventsfn.terminal, eventsfn.direction = [True] * (count + 1), [self.root_direction] * count + [-1]
+        # max_num_steps counts steps between outputs; this value has no effect: only the deadline bounds a run.
         self.options = {
-            "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": STEPS_BETWEEN_OUTPUTS,
+            "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": 1_000_000,
             "eventsfn": eventsfn, "num_events": count + 1, **more,
         }  # fmt: skip
 
@@ -91,18 +83,17 @@ class _SundialsMode(SmoothMode):
         """
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
-        """See :class:`henon_ref.baselines.smooth_mode.SmoothMode`."""
         try:
             start = self.start(t, x)
         except ARITHMETIC as error:
             return self.failed(f"the field has no value at the start: {error}")
-        make, work, printed = getattr(self.library.module, self.integrator), self.work, io.StringIO()
+        work, printed = self.work, io.StringIO()
         before = work.rhs
         # scikit-sundae prints its errors.
         with redirect_stdout(printed):
             try:
                 # A new object for every run, because an object keeps the events of earlier calls.
-                result = make(self.function, **self.options).solve([t, until], *start)
+                result = self.library.module(self.function, **self.options).solve([t, until], *start)
             except (RuntimeError, Stalled) as error:
                 return self.failed(f"{error} {printed.getvalue().strip()}")
         work.steps += result.t.size - 1
@@ -116,34 +107,32 @@ class _SundialsMode(SmoothMode):
 
 
 class _CvodeMode(_SundialsMode):
-    """CVODE on one mode."""
-
-    integrator = "CVODE"
+    """One mode on CVODE."""
 
     def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
         super().__init__(library, model, work, horizon)
-        own: SundialsCvode = library.solver
-        self.function, jacobian = _filling_field(model, own.callbacks, work), model.jacobian(own.callbacks)
+        own: Sundials = library.solver
+        self.function, jacobian = _filling_field(self, own.callbacks), model.jacobian(own.callbacks)
 
         def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
             jacobian.fill(t, x, out)
 
-        self.connect(jacfn, self.gates.watchers(work.count_event), method=own.method)
+        self.connect(jacfn, self.watchers, method=own.method)
 
     def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         return (x,)
 
 
-def _filling_field(model: ModeFunctions, callbacks: Callbacks, work: Work) -> Callable[..., None]:
+def _filling_field(mode: SmoothMode, callbacks: Callbacks) -> Callable[..., None]:
     """Return ``rhs(t, x, out)``, which writes the time derivatives of a mode's unknowns into the library's array.
 
     A compiled function is passed directly: the library counts its calls, and the event function checks the deadline.
     """
     if callbacks == "numba":
-        fill, whole = model.compiled_derivatives()
+        fill, whole = mode.model.compiled_derivatives()
         if whole:
-            return _ready(fill, len(model.unknowns))
-    field = counted_field(model, callbacks, work)
+            return _ready(fill, len(mode.model.unknowns))
+    field = mode.counted_field(callbacks)
 
     def rhs(t: float, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         out[:] = field(t, x)
@@ -159,48 +148,97 @@ def _ready(function: Callable[..., None], unknowns: int, points: int = 1) -> Cal
     return function
 
 
-class _Equations:
-    """A mode as a DAE in ``y = (x, g, s)``: ``(x, g)' = f(t, y)``, ``0 = c(t, y)``.
+class _IdaMode(_SundialsMode):
+    """One mode on IDA, as a DAE in ``y = (x, g, s)``: ``(x, g)' = f(t, y)``, ``0 = c(t, y)``.
 
     x are the states, g copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
     """
 
-    def __init__(self, model: ModeFunctions) -> None:
-        system, mode = model.system, model.mode
-        self.sliding = tuple(model.equations.equivalent_signs)
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        super().__init__(library, model, work, horizon)
+        callbacks, system = library.solver.callbacks, model.system
+        self._sliding = sliding = tuple(model.equations.equivalent_signs)
         """Surfaces whose equivalent sign is an unknown, in order; none in slip or under a ``sliding`` override."""
-        seen = [k for k in model.followed if not self.by_sign(model.guards[k])]
-        slip = {s: sp.Integer(v) for s, v in zip(system.signs, mode, strict=True) if v}
-        ties = {system.signs[j]: way * system.signs[i] for j, (i, way) in system.multiples.items() if j in self.sliding}
-        free = {system.signs[i] for i in self.sliding} - set(ties)
-
-        def convex(expression: sp.Expr) -> sp.Expr:
-            return system.numeric(_between_signs(expression.xreplace(slip | ties), free))
-
-        def condition(index: int) -> sp.Expr:
-            sign = system.signs[index]
-            return sign - ties[sign] if sign in ties else convex(system.normal_velocity(index))
-
-        field = tuple(convex(f) for f in system.field) if self.sliding else model.field_expressions
-        copies = tuple(sp.Dummy(f"g{k}", real=True) for k in seen)
+        seen = [k for k in model.followed if not self._by_sign(model.guards[k])]
         guards = [model.guard_expressions[k] for k in seen]
         swings = tuple(model.along(g) for g in guards)
         signs = [system.numeric(e) for e in model.equations.equivalent_signs.values()]
-        self.differential = len(system.states) + len(seen)
+        field, conditions = _convex(model, sliding) if sliding else (model.field_expressions, ())
+        copies = tuple(sp.Dummy(f"g{k}", real=True) for k in seen)
+        unknowns, right = (*system.states, *copies, *(system.signs[i] for i in sliding)), (*field, *swings, *conditions)
+        self._unknowns = len(unknowns)
+        self._differential = self.states + len(seen)
         """Number of unknowns that have a time derivative."""
-        self.unknowns = (*system.states, *copies, *(system.signs[i] for i in self.sliding))
-        self.right = (*field, *swings, *(condition(i) for i in self.sliding))
-        self.alike = model.common is not None and not self.sliding
-        """Whether the mode uses the equations common to all modes, without equivalent signs and copies."""
-        self.values = model.field if self.alike else scalar(self.unknowns, self.right)
-        """Function (t, *y) -> (f, c)."""
         started = [*guards, *signs, *model.field_expressions, *swings, *(model.along(e) for e in signs)]
-        self.start = model.field if self.alike else scalar(system.states, started)
-        """Function (t, *x) -> (g, s, x', g', s')."""
+        if model.common is not None and not sliding:  # the equations common to all modes, without signs and copies
+            self._start, slopes, self.function = model.field, model.jacobian(callbacks), self._residual(model.field)
+        else:
+            self._start, slopes = scalar(system.states, started), jacobian(unknowns, right, callbacks)
+            if callbacks == "numba":
+                self.function = _compiled_residual(compiled(unknowns, right), len(unknowns), self._differential)
+            else:
+                self.function = self._residual(scalar(unknowns, right))
+        moving = np.arange(self._differential)
 
-    def by_sign(self, guard: Guard) -> bool:
+        def jacfn(t: float, y: Any, yp: Any, res: Any, cj: float, out: NDArray[np.float64]) -> None:
+            slopes.fill(t, y, out)
+            np.negative(out, out=out)
+            out[moving, moving] += cj
+
+        algebraic = list(range(self._differential, self._unknowns))
+        watchers = [self._watcher(k) for k in range(len(model.guards))]
+        self.connect(jacfn, watchers, dae=True, algebraic_idx=algebraic or None)
+
+    def _by_sign(self, guard: Guard) -> bool:
         """Check whether a guard ends a stick, so that its value follows from an unknown s_i."""
-        return guard.kind == "release" and guard.index in self.sliding
+        return guard.kind == "release" and guard.index in self._sliding
+
+    def _watcher(self, k: int) -> Watcher:
+        """Return the event function of guard k; a stick ends when its unknown s_i reaches -1 or +1."""
+        guard = self.model.guards[k]
+        if not self._by_sign(guard):
+            return self.watcher(k)
+        at, side = self._differential + self._sliding.index(guard.index), guard.to_sign
+        return self.watcher(k, lambda t, y: 1.0 - side * float(y[at]))
+
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Return the unknowns of the residual and their time derivatives."""
+        states = x[: self.states].tolist()
+        found = self._start(t, *states)  # (g, s, x', g', s')
+        further = self._unknowns - self.states
+        return np.array([*states, *found[:further]]), np.array(found[further:])
+
+    def _residual(self, right: Scalar) -> Callable[..., None]:
+        """Return ``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, followed by -c(t, y)."""
+        nowhere, count, n = (np.nan,) * self._unknowns, self.work.count_rhs, self._differential
+
+        def resfn(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], res: NDArray[np.float64]) -> None:
+            count()
+            try:
+                res[:] = right(t, *y.tolist())
+            except ARITHMETIC:
+                res[:] = nowhere
+            np.negative(res, out=res)
+            res[:n] += yp[:n]
+
+        return resfn
+
+
+def _convex(model: ModeFunctions, sliding: Sequence[int]) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
+    """Return the field and the conditions ``0 = c`` in the states and the equivalent signs of ``sliding`` surfaces."""
+    system = model.system
+    slip = {s: sp.Integer(v) for s, v in zip(system.signs, model.mode, strict=True) if v}
+    ties = {system.signs[j]: way * system.signs[i] for j, (i, way) in system.multiples.items() if j in sliding}
+    free = {system.signs[i] for i in sliding} - set(ties)
+
+    def convex(expression: sp.Expr) -> sp.Expr:
+        return system.numeric(_between_signs(expression.xreplace(slip | ties), free))
+
+    def condition(index: int) -> sp.Expr:
+        sign = system.signs[index]
+        return sign - ties[sign] if sign in ties else convex(system.normal_velocity(index))
+
+    return tuple(map(convex, system.field)), tuple(map(condition, sliding))
 
 
 def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
@@ -212,87 +250,28 @@ def _between_signs(expression: sp.Expr, signs: set[sp.Symbol]) -> sp.Expr:
     return expression
 
 
-class _IdaMode(_SundialsMode):
-    """IDA on one mode."""
-
-    integrator = "IDA"
-
-    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        super().__init__(library, model, work, horizon)
-        callbacks: Callbacks = library.solver.callbacks
-        self._equations = equations = _Equations(model)
-        slopes = (
-            model.jacobian(callbacks) if equations.alike else jacobian(equations.unknowns, equations.right, callbacks)
-        )
-        self.function = _residual(equations, callbacks, work)
-        moving = np.arange(equations.differential)
-
-        def jacfn(t: float, y: Any, yp: Any, res: Any, cj: float, out: NDArray[np.float64]) -> None:
-            slopes.fill(t, y, out)
-            np.negative(out, out=out)
-            out[moving, moving] += cj
-
-        watchers = [self._watcher(k) for k in range(len(model.guards))]
-        algebraic = list(range(equations.differential, len(equations.unknowns)))
-        self.connect(jacfn, watchers, dae=True, algebraic_idx=algebraic or None)
-
-    def _watcher(self, k: int) -> Watcher:
-        """Return the event function of guard k; a stick ends when its unknown s_i reaches -1 or +1."""
-        guard, equations, count = self.model.guards[k], self._equations, self.work.count_event
-        if not equations.by_sign(guard):
-            return self.gates.watcher(k, count)
-        at, side = equations.differential + equations.sliding.index(guard.index), guard.to_sign
-        return self.gates.watcher(k, count, lambda t, y: 1.0 - side * float(y[at]))
-
-    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Return the unknowns of the residual and their time derivatives."""
-        states = x[: self.states].tolist()
-        found = self._equations.start(t, *states)
-        further = len(self._equations.unknowns) - self.states
-        return np.array([*states, *found[:further]]), np.array(found[further:])
-
-
-def _residual(equations: _Equations, callbacks: Callbacks, work: Work) -> Callable[..., None]:
-    """Return ``resfn(t, y, yp, res)``: y' - f(t, y) of the differential unknowns, followed by -c(t, y)."""
-    if callbacks == "numba" and not equations.alike:
-        return _compiled_residual(equations)
-    right = equations.values
-    nowhere = (np.nan,) * len(equations.unknowns)
-    count, n = work.count_rhs, equations.differential
-
-    def resfn(t: float, y: NDArray[np.float64], yp: NDArray[np.float64], res: NDArray[np.float64]) -> None:
-        count()
-        try:
-            res[:] = right(t, *y.tolist())
-        except ARITHMETIC:
-            res[:] = nowhere
-        np.negative(res, out=res)
-        res[:n] += yp[:n]
-
-    return resfn
-
-
-def _compiled_residual(equations: _Equations) -> Callable[..., None]:
+def _compiled_residual(fill: Fill, unknowns: int, differential: int) -> Callable[..., None]:
     """Return the compiled residual. The library counts its calls; the event function checks the deadline."""
-    fill, n = compiled(equations.unknowns, equations.right), equations.differential
 
     def resfn(t: float, y: Any, yp: Any, res: Any) -> None:
         fill(t, y, res)
         for k in range(res.size):
-            res[k] = yp[k] - res[k] if k < n else -res[k]
+            res[k] = yp[k] - res[k] if k < differential else -res[k]
 
-    return _ready(njit(resfn), len(equations.unknowns), points=2)
+    return _ready(njit(resfn), unknowns, points=2)
 
 
 @dataclass(frozen=True)
-class SundialsAdapter(Adapter):
-    """Base class of the solvers CVODE and IDA: dense Newton iteration with a Jacobian derived by SymPy.
+class Sundials(Adapter):
+    """CVODE or IDA on one mode after another: dense Newton iteration with a Jacobian derived by SymPy.
 
     Counts: ``steps`` are internal steps; ``rhs_evaluations`` is the library's own count of right-hand sides or, for
     IDA, of residuals (Jacobians not counted); ``event_evaluations`` counts evaluations of one guard each, with the
     guard against divergence.
     """
 
+    method: Literal["Adams", "BDF", "IDA"]
+    restart: Restart = field(default="direction", kw_only=True)
     callbacks: Callbacks = field(default="python", kw_only=True)
     """Right-hand side (or residual) and Jacobian in plain Python or compiled; event functions are always Python."""
     landing = "illinois"
@@ -301,26 +280,16 @@ class SundialsAdapter(Adapter):
     implicit = True
     located = (100.0, 0.0)  # 100 eps (abs(t) + abs(h)); the step h is not known here
 
+    @property
+    def mode(self) -> type[SmoothMode]:  # type: ignore[override]
+        return _IdaMode if self.method == "IDA" else _CvodeMode
 
-@dataclass(frozen=True)
-class SundialsCvode(SundialsAdapter):
-    """CVODE on one smooth mode after another."""
-
-    method: Literal["Adams", "BDF"]
-    restart: Restart = field(default="direction", kw_only=True)
-    mode = _CvodeMode
-    module = "sksundae.cvode"
-
-
-@dataclass(frozen=True)
-class SundialsIda(SundialsAdapter):
-    """IDA on one mode after another."""
-
-    restart: Restart = field(default="offset", kw_only=True)
-    mode = _IdaMode
-    module = "sksundae.ida"
+    def load(self) -> Any:
+        if self.method == "IDA":
+            return import_module("sksundae.ida").IDA
+        return import_module("sksundae.cvode").CVODE
 
 
-ADAMS = SundialsCvode("cvode-adams", "Adams")
-BDF = SundialsCvode("cvode-bdf", "BDF")
-IDA = SundialsIda("ida")
+ADAMS = Sundials("cvode-adams", "Adams")
+BDF = Sundials("cvode-bdf", "BDF")
+IDA = Sundials("ida", "IDA", restart="offset")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import sympy as sp
@@ -38,22 +37,15 @@ def is_linear(expression: sp.Expr, states: tuple[sp.Symbol, ...]) -> bool:
     return not any(sp.diff(expression, v).free_symbols & moving for v in moving)
 
 
-class Slopes(NamedTuple):
-    """Derivatives of a guard in the states that it contains."""
-
-    places: tuple[int, ...]
-    """Indices of these states."""
-    values: Scalar
-    constants: tuple[float, ...] | None
-    """The derivatives if all are constant, otherwise None."""
-
-
 @lru_cache(maxsize=4096)
-def slopes_of(guard: sp.Expr, states: tuple[sp.Symbol, ...]) -> Slopes:
+def slopes_of(
+    guard: sp.Expr, states: tuple[sp.Symbol, ...]
+) -> tuple[tuple[int, ...], Scalar, tuple[float, ...] | None]:
+    """Return the indices of the states in a guard, its derivatives in these, and their values if all are constant."""
     places = tuple(k for k, x in enumerate(states) if guard.has(x))
     slopes = [sp.diff(guard, states[k]) for k in places]
     constants = tuple(map(float, slopes)) if all(d.is_number for d in slopes) else None
-    return Slopes(places, of_few(states, tuple(slopes)), constants)
+    return places, of_few(states, tuple(slopes)), constants
 
 
 @lru_cache(maxsize=4096)
@@ -80,7 +72,12 @@ def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
     if not square.is_number:
         first = scalar(states, [h, *(x - h * d / square for x, d in zip(states, gradient, strict=True))])
         second = scalar(states, sides)
-        return lambda t, *x: _in_two(first, second, t, x)
+
+        def curved(t: float, *x: float) -> tuple[float, ...]:
+            h, *point = first(t, *x)
+            return (h, *second(t, *point), *point)
+
+        return curved
     # After expanding, a flat surface cancels exactly: x2 - (x2 - vp) is vp, without rounding.
     # A surface that depends on time alone moves no state.
     point = [x - sp.expand(h * d / square) if d != 0 else x for x, d in zip(states, gradient, strict=True)]
@@ -101,11 +98,6 @@ def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
     return at
 
 
-def _in_two(first: Scalar, second: Scalar, t: float, x: tuple[float, ...]) -> tuple[float, ...]:
-    h, *point = first(t, *x)
-    return (h, *second(t, *point), *point)
-
-
 @lru_cache(maxsize=4096)
 def surface(system: FilippovSystem, index: int) -> tuple[Scalar, Scalar]:
     """Return a surface's function ``h(t, *x) -> (value,)`` and its gradient in the states."""
@@ -114,9 +106,10 @@ def surface(system: FilippovSystem, index: int) -> tuple[Scalar, Scalar]:
 
 
 def projected(
-    surfaces: Sequence[tuple[Scalar, Scalar]], t: float, x: Sequence[float]
+    system: FilippovSystem, indices: Iterable[int], t: float, x: Sequence[float]
 ) -> tuple[tuple[float, ...], float]:
-    """Return the point nearest to x on the intersection of surfaces (h, gradient), and the largest abs(h) at x."""
+    """Return the point nearest to x on the intersection of surfaces, and the largest abs(h) at x."""
+    surfaces = [surface(system, i) for i in indices]
     point: NDArray[np.float64] = np.array(x, dtype=float)
     drift = 0.0
     for step in range(2):

@@ -45,37 +45,26 @@ if TYPE_CHECKING:  # also modules, under their public names
 
 __version__ = "0.2.0"
 
-_HOME = {
-    "Comparison": "harness.campaign.comparison",
-    "compare": "harness.campaign.campaign",
-    "ArgumentError": "errors",
-    "ModeSolver": "baselines.adapter",
-    "SmoothMode": "baselines.smooth_mode",
-    "ProgramSolver": "baselines.protocol.program",
-    "CaseError": "errors",
-    "HenonRefError": "errors",
-    "ModelError": "errors",
-    "UnavailableError": "errors",
-    "UnsupportedError": "errors",
-    "Case": "casefile.case",
-    "Reading": "casefile.case",
-    "load_case": "casefile.case",
-    "parse_case": "casefile.case",
-    "load_run": "simulation.simulate",
-    "Scene": "simulation.scene",
-    "Solution": "simulation.solution",
-    "System": "simulation.system",
-    "simulate": "simulation.simulate",
-    "stream": "simulation.simulate",
-    "sweep": "harness.report.sweep",
-    "lyapunov_exponents": "analysis.lyapunov",
-    "periodic_orbit": "analysis.periodic_orbit",
-    "tangent_points": "analysis.tangent",
-    "Solver": "solver",
-    "Counts": "trajectory",
-    "Trajectory": "trajectory",
-    "Transition": "trajectory",
+_NAMES = {
+    "analysis.lyapunov": ("lyapunov_exponents",),
+    "analysis.periodic_orbit": ("periodic_orbit",),
+    "analysis.tangent": ("tangent_points",),
+    "baselines.adapter": ("ModeSolver",),
+    "baselines.protocol.program": ("ProgramSolver",),
+    "baselines.smooth_mode": ("SmoothMode",),
+    "casefile.case": ("Case", "Reading", "load_case", "parse_case"),
+    "errors": ("ArgumentError", "CaseError", "HenonRefError", "ModelError", "UnavailableError", "UnsupportedError"),
+    "harness.campaign.campaign": ("compare",),
+    "harness.campaign.comparison": ("Comparison",),
+    "harness.report.sweep": ("sweep",),
+    "simulation.scene": ("Scene",),
+    "simulation.simulate": ("load_run", "simulate", "stream"),
+    "simulation.solution": ("Solution",),
+    "simulation.system": ("System",),
+    "solver": ("Solver",),
+    "trajectory": ("Counts", "Trajectory", "Transition"),
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names}
 
 _MODULES = {"observe": "sweeps.observe", "plots": "figures.sweeps", "points": "sweeps.points"}
 """Modules used with :func:`sweep`: observations, points, figures."""

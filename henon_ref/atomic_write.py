@@ -16,13 +16,7 @@ def write_through(path: Path, content: bytes) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Put a whole file in the place of another, or leave the other as it is; a device or pipe is written to.
-
-    Raises
-    ------
-    OSError
-        Where it cannot be written.
-    """
+    """Put a whole file in the place of another, or leave the other as it is; a device or pipe is written to."""
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return

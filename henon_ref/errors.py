@@ -8,15 +8,7 @@ class HenonRefError(Exception):
 
 
 class ExpressionError(HenonRefError):
-    """Expression that the whitelist does not allow.
-
-    Parameters
-    ----------
-    message : str
-        The problem and what is allowed.
-    offset : int
-        0-based character offset of the problem in the expression.
-    """
+    """Expression that the whitelist does not allow, with the 0-based character offset of the problem in it."""
 
     def __init__(self, message: str, offset: int = 0) -> None:
         super().__init__(message)

@@ -20,12 +20,8 @@ PATIENCE = 1.0
 
 @contextmanager
 def notice_if_slow(work: str) -> Iterator[None]:
-    """Print on standard error (in a notebook: standard output) what is being done, if it takes more than a second.
-
-    Parameters
-    ----------
-    work : str
-        As in ``compiling the system``.
+    """Print on standard error (in a notebook: standard output) what is being done, such as ``compiling the system``, if
+    it takes more than a second.
     """
     if not is_watched():
         yield
@@ -94,7 +90,7 @@ class Line:
             self._write(f"{_ERASED if self.shown else ''}{message(words)[:room]}")
             self.shown = True
 
-    def end(self, words: str = "") -> None:
+    def clear(self, words: str = "") -> None:
         """Erase the line, or replace it by a final text."""
         if words:
             self.show(words)

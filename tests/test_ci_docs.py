@@ -16,7 +16,7 @@ from henon_ref.casefile.files import case_files
 from henon_ref.harness import registry
 from henon_ref.harness.cli import compare as compare_command
 from henon_ref.harness.cli import gate
-from henon_ref.harness.score.row_result import KnownFailure
+from henon_ref.harness.score.gate import KnownFailure
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "ci.md").read_text()

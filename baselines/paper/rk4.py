@@ -23,10 +23,10 @@ from henon_ref.errors import UnsupportedError
 from henon_ref.jit.processor_time import Deadline, compiling
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode, replaced, transition_kind
+from henon_ref.modes.mode import Mode, replaced, sign_after, transition_kind
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.selection import after_event, initial_mode, sign_after
+from henon_ref.modes.selection import after_event, initial_mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME

@@ -13,7 +13,6 @@ import signal
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import IO
 
@@ -30,35 +29,12 @@ WALL = 2.5
 """Largest wall time of a program, without its waiting for a processor, as a multiple of its limit of processor time."""
 OUTPUT = 64 * 2**20
 """Largest standard error of a program, and default limit of its standard output [bytes]."""
-REASON_LENGTH = 2000
-"""Length of the end of the standard error that becomes the reason of a failure [bytes]."""
-LONGEST_PAUSE = 0.02
-"""Time between two checks whether the program has ended [s]."""
-CHARGED = 0.5
-"""A program that was killed counts as stopped by its limit if it has used this part of it. The system charges whole
-clock ticks against the limit; on a busy machine these were up to a third more than the time that was used."""
 VERSION_SECONDS = 60.0
 """Wall time within which a program must print its version [s]."""
 
 
-class ProgramError(ContractError):
-    """A program gave no response; the message has its exit status and its standard error."""
-
-
-class ProgramTimeoutError(ProgramError):
+class ProgramTimeoutError(ContractError):
     """A program was stopped because it took too long."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Limits of one exchange."""
-
-    seconds: float
-    """Processor time [s], rounded down to whole seconds, at least one; the wall time is limited to ``WALL`` times."""
-    memory: int = 4 * 2**30
-    """Data that the program may allocate [bytes]."""
-    output: int = OUTPUT
-    """Largest standard output [bytes]."""
 
 
 class _Program(subprocess.Popen[bytes]):
@@ -84,16 +60,27 @@ class _Program(subprocess.Popen[bytes]):
         """Check whether the system has stopped the process for using more processor time than ``seconds``.
 
         The system sends SIGXCPU and, if the process ignores it, SIGKILL. SIGKILL may have other causes; the processor
-        time that was used decides.
+        time that was used decides. The system charges whole clock ticks against the limit, on a busy machine up to a
+        third more than that time.
         """
         by = -self.returncode
-        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > CHARGED * seconds)
+        return by == signal.SIGXCPU or (by == signal.SIGKILL and self.used > 0.5 * seconds)
 
 
 def exchange(
-    command: Sequence[str], request: bytes, limits: Limits, environment: Mapping[str, str] | None = None
+    command: Sequence[str],
+    request: bytes,
+    seconds: float,
+    environment: Mapping[str, str] | None = None,
+    *,
+    memory: int = 4 * 2**30,
+    most_output: int = OUTPUT,
 ) -> bytes:
     """Start a program, write the request to its standard input, and return its standard output.
+
+    ``seconds`` limits the processor time, rounded down to whole seconds, at least one; the wall time is limited to
+    ``WALL`` times ``seconds``. ``memory`` limits the data that the program may allocate, and ``most_output`` its
+    standard output [bytes].
 
     The streams are files, so that a full pipe cannot block the program. The command is started without a shell;
     ``environment`` are variables in addition to those of this process.
@@ -104,7 +91,7 @@ def exchange(
         If the program does not exist.
     ProgramTimeoutError
         If the program takes too long.
-    ProgramError
+    ContractError
         If the program writes too much, crashes, or ends with an exit status other than 0.
     """
     with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
@@ -119,34 +106,36 @@ def exchange(
             what = getattr(error, "strerror", None) or str(error)
             raise UnavailableError(short_line(f"{command[0]} cannot be started: {what}")) from error
         try:
-            allowed = _limit(process.pid, limits)
-            _wait(process, limits, output, errors)
+            allowed = _limit(process.pid, seconds, memory)
+            _wait(process, seconds, (("output", output, most_output), ("error", errors, OUTPUT)))
         finally:
-            _end(process)
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(process.pid, signal.SIGKILL)  # all processes of its session
+            process.has_ended(0)
         if process.was_stopped(allowed):
             raise ProgramTimeoutError(f"the program was stopped after {allowed:.0f} s of processor time")
         if process.returncode == 0:
             output.seek(0)
             return output.read()
-        errors.seek(max(0, _size(errors) - REASON_LENGTH))
+        errors.seek(max(0, _size(errors) - 2000))
         text = short_line(errors.read().decode("utf-8", "replace"))
     ended = f"ended with exit status {process.returncode}"
     if process.returncode < 0:
         ended = f"crashed, {_signal_name(-process.returncode)}"
-    raise ProgramError(short_line(f"the program {ended}{f': {text}' if text else ''}"))
+    raise ContractError(short_line(f"the program {ended}{f': {text}' if text else ''}"))
 
 
-def _limit(pid: int, limits: Limits) -> float:
+def _limit(pid: int, wanted_seconds: float, memory: int) -> float:
     """Set the system's limits, none above those of this process, and return the allowed processor time [s].
 
     The time is infinite if the system has no such limits. A program that has already ended is ignored.
     """
     if resource is None or not hasattr(resource, "prlimit"):
         return math.inf
-    seconds = max(1, int(limits.seconds))
+    seconds = max(1, int(wanted_seconds))
     wanted = (
         (resource.RLIMIT_CPU, seconds, seconds + 1),  # a program that ignores the signal is killed a second later
-        (resource.RLIMIT_DATA, limits.memory, limits.memory),
+        (resource.RLIMIT_DATA, memory, memory),
         (resource.RLIMIT_CORE, 0, 0),
     )
     for kind, soft, hard in wanted:
@@ -161,30 +150,23 @@ def _own_limits(kind: int) -> list[int]:
     return [value for value in resource.getrlimit(kind) if value != resource.RLIM_INFINITY]
 
 
-def _wait(process: _Program, limits: Limits, output: IO[bytes], errors: IO[bytes]) -> None:
+def _wait(process: _Program, seconds: float, streams: Sequence[tuple[str, IO[bytes], int]]) -> None:
     """Wait until the program has ended; raise if it takes too long or writes too much."""
     began, pause, ended = monotonic(), 1e-3, False
     while not ended:
         ended = process.has_ended()
-        for stream, file, most in (("output", output, limits.output), ("error", errors, OUTPUT)):
+        for stream, file, most in streams:
             if _size(file) > most:
-                raise ProgramError(f"the program wrote more than {most} bytes to its standard {stream}")
+                raise ContractError(f"the program wrote more than {most} bytes to its standard {stream}")
         if not ended:
-            if monotonic() - began - waited_seconds(process.pid) > WALL * limits.seconds:
-                raise ProgramTimeoutError(f"the program gave no response within {WALL * limits.seconds:.3g} s")
+            if monotonic() - began - waited_seconds(process.pid) > WALL * seconds:
+                raise ProgramTimeoutError(f"the program gave no response within {WALL * seconds:.3g} s")
             sleep(pause)
-            pause = min(2 * pause, LONGEST_PAUSE)
+            pause = min(2 * pause, 0.02)
 
 
 def _size(file: IO[bytes]) -> int:
     return os.fstat(file.fileno()).st_size
-
-
-def _end(process: _Program) -> None:
-    """Kill the program and all processes of its session."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.has_ended(0)
 
 
 def _signal_name(number: int) -> str:

@@ -24,10 +24,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import spelled
 
-RESERVED = ("t", "pow")
-"""Names that have another meaning in expressions."""
-MULTIPLIED = 4
-"""Largest power of a name that is written as a product."""
 _NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
 
 
@@ -49,7 +45,7 @@ def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     if start[0] not in [text.mode for text in modes]:
         raise UnsupportedError("the initial mode has no equations")
     names = [spelled(str(name)) for name in (*system.states, *system.parameters)]
-    if clash := sorted(set(names) & set(RESERVED)):
+    if clash := sorted({"t", "pow"}.intersection(names)):
         raise UnsupportedError(f"the protocol reserves the name {clash[0]}; rename the state or parameter")
     if twice := sorted(name for name in set(names) if names.count(name) > 1):
         raise UnsupportedError(f"two names become {twice[0]} with Greek letters spelled out; rename one of them")
@@ -121,16 +117,11 @@ class _Printer(StrPrinter):
     def _print_Symbol(self, expr: sp.Expr) -> str:  # noqa: N802
         return spelled(expr.name)
 
-    def _print_Float(self, expr: sp.Expr) -> str:  # noqa: N802  (names of SymPy's methods)
+    def _double(self, expr: sp.Expr) -> str:
         return repr(float(expr))
 
-    def _print_Integer(self, expr: sp.Expr) -> str:  # noqa: N802
-        return repr(float(expr))
-
-    def _print_Rational(self, expr: sp.Expr) -> str:  # noqa: N802
-        return repr(float(expr))
-
-    _print_Zero = _print_Integer  # noqa: N815  (replaces StrPrinter's method)
+    # These replace SymPy's methods of their names.
+    _print_Float = _print_Integer = _print_Rational = _print_Zero = _double  # noqa: N815
 
     def _print_Mul(self, expr: sp.Expr) -> str:  # noqa: N802
         above: list[sp.Expr] = []
@@ -154,7 +145,7 @@ class _Printer(StrPrinter):
             return f"1.0/{self._factor(1 / expr)}"
         if exponent == sp.Rational(1, 2):
             return f"sqrt({self._print(base)})"
-        if base.is_Symbol and exponent.is_Integer and exponent <= MULTIPLIED:
+        if base.is_Symbol and exponent.is_Integer and exponent <= 4:
             return "*".join([self._print(base)] * int(exponent))
         return f"pow({self._print(base)}, {self._print(exponent)})"
 

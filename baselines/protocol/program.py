@@ -1,36 +1,42 @@
-"""A solver that runs an external program by the protocol (:mod:`henon_ref.baselines.protocol`)."""
+"""A solver that runs an external program by the protocol (:mod:`henon_ref.baselines.protocol`).
+
+The program's output is checked against the protocol and the request before it becomes a trajectory.
+"""
 
 from __future__ import annotations
 
 import math
 import shutil
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
+from pydantic_core import from_json
 
-from henon_ref.baselines.protocol.exchange import Limits, ProgramTimeoutError, exchange
-from henon_ref.baselines.protocol.messages import VERSION, Request, Response
+from henon_ref.baselines.protocol.exchange import ProgramTimeoutError, exchange
+from henon_ref.baselines.protocol.messages import VERSION, Point, Request, Response
 from henon_ref.baselines.protocol.messages import Problem as ProblemText
+from henon_ref.baselines.protocol.messages import Transition as Event
 from henon_ref.baselines.protocol.problem_text import problem_text
-from henon_ref.baselines.protocol.reader import read_response, trajectory
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.modes.kinks import visible
+from henon_ref.modes.mode import transition_kind
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
 from henon_ref.solver import Run
 from henon_ref.text import short_line
-from henon_ref.trajectory import Trajectory
+from henon_ref.trajectory import Counts, Trajectory, Transition
 
-FOREVER = 86400.0
-"""Deadline of a run that has none [s]."""
-BEYOND = 0.25
-"""A run may exceed its deadline by this part of it before the program is stopped."""
-START_SECONDS = 0.8
-"""Processor time that a program may use in addition, to start, read and write [s]."""
-MOST_TRANSITIONS = 100_000
+MOST_FIELDS = 100
+"""Largest number of fields of one object."""
+SHOWN = 60
+"""Characters of a refused value in a message."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +92,8 @@ class ProgramSolver:
             step=step,
             untimed=0,
             timed=1,
-            seconds=FOREVER if deadline is None else deadline,
-            most_transitions=MOST_TRANSITIONS,
+            seconds=86400.0 if deadline is None else deadline,
+            most_transitions=100_000,
         )
         return ProgramRun(self, self.built(text), problem, request)
 
@@ -145,6 +151,131 @@ class ProgramRun:
 
     def _response(self, request: Request) -> Response:
         runs = request.untimed + request.timed
-        seconds = (1.0 + BEYOND) * request.seconds * runs + START_SECONDS
+        # A run may exceed its deadline by a quarter; 0.8 s are for the program's start, reading and writing.
+        seconds = 1.25 * request.seconds * runs + 0.8
         sent = request.model_dump_json().encode()
-        return read_response(exchange(self._command, sent, Limits(seconds), self._solver.environment), request)
+        return read_response(exchange(self._command, sent, seconds, self._solver.environment), request)
+
+
+def read_response(output: bytes, request: Request) -> Response:
+    """Read a program's output as a response to the request.
+
+    Raises
+    ------
+    ContractError
+        If the output is not a valid response; the message names the place, the value there and the allowed values.
+    """
+    if not output.strip():
+        raise ContractError("the program wrote nothing, wanted a response in JSON")
+    _check_size(output, request)
+    try:
+        message = from_json(output)
+    except ValueError as error:
+        raise _refused(f"Invalid JSON: {error}") from None
+    _check_fields(message)
+    try:
+        response = Response.model_validate(message)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        where = f"{place}: " if place else ""
+        found = repr(first["input"])[:SHOWN]
+        raise _refused(f"{where}{first['msg']}, not {found}") from None
+    _check(response, request)
+    return response
+
+
+def _check_size(output: bytes, request: Request) -> None:
+    """Refuse an output that is longer than any response to the request, before it is parsed."""
+    # Bounds of the commas and brackets: 10 in a transition without its state, 20,000 in the rest, texts included.
+    most = (request.most_transitions + 1) * (10 + len(request.problem.states)) + request.timed + 20_000
+    if output.count(b",") + output.count(b"[") + output.count(b"{") > most:
+        raise _refused(f"transitions: the response is longer than one of {request.most_transitions} transitions")
+
+
+def _check_fields(message: Any) -> None:
+    """Refuse objects with too many fields: the validation would collect an error for each."""
+    events = message.get("transitions") if isinstance(message, dict) else None
+    parts = message.items() if isinstance(message, dict) and len(message) <= MOST_FIELDS else ()
+    each = ((f"transitions.{k}", event) for k, event in enumerate(events)) if isinstance(events, list) else ()
+    for place, value in chain([("response", message)], parts, each):
+        if isinstance(value, dict) and len(value) > MOST_FIELDS:
+            raise _refused(f"{place[:SHOWN]}: it has {len(value)} fields")
+
+
+def trajectory(response: Response, request: Request, landing: str) -> Trajectory:
+    """Convert a response to a trajectory.
+
+    Raises
+    ------
+    UnsupportedError, UnavailableError
+        If the response has this status.
+    """
+    if response.status == "unsupported":
+        raise UnsupportedError(response.reason or "the program does not do this problem")
+    if response.status == "unavailable":
+        raise UnavailableError(response.reason or "what the program needs is missing")
+    end = _end(response, request)
+    work = response.work
+    return Trajectory(
+        status=response.status,
+        transitions=[
+            Transition(
+                transition_kind(event.before, event.after),
+                *(0, (event.before,), (event.after,), event.time, tuple(event.state)),
+                landing=landing,
+            )
+            for event in response.transitions
+        ],
+        end_time=end.time,
+        end_state=tuple(end.state),
+        end_mode=(end.mode,),
+        reason=short_line(response.reason),
+        counts=Counts(work.steps, work.fields, work.guards),
+        max_surface_drift=response.max_surface_drift,
+    )
+
+
+def _end(response: Response, request: Request) -> Point:
+    if response.end is not None:
+        return response.end
+    if not response.transitions:
+        return request.problem.start
+    last = response.transitions[-1]
+    return Point(time=last.time, state=last.state, mode=last.after)
+
+
+def _check(response: Response, request: Request) -> None:
+    """Refuse a response that contradicts the request or itself."""
+    start, until = request.problem.start, request.problem.until
+    slack = 64 * sys.float_info.epsilon * max(abs(start.time), abs(until))
+    latest, mode = start.time, start.mode
+    for k, event in enumerate(response.transitions):
+        _check_point(f"transitions.{k}", event, request, slack)
+        if event.time < latest - slack:
+            raise _refused(f"transitions.{k}.time: {event.time!r} is before {latest!r}, the time of the one before")
+        if event.before != mode:
+            raise _refused(f"transitions.{k}.before: {event.before} is not {mode}, the mode that the run was in")
+        latest, mode = max(latest, event.time), event.after
+    if response.end is not None:
+        _check_point("end", response.end, request, slack)
+    if response.status != "ok":
+        return
+    end = _end(response, request)
+    if end.time < until - slack or end.mode != mode:
+        raise _refused(f"end: a run that is ok ends at {until!r} in mode {mode}, not at {end.time!r} in {end.mode}")
+    if len(response.wall_s) != request.timed:
+        raise _refused(f"wall_s: {len(response.wall_s)} times, wanted {request.timed}, one a timed run")
+
+
+def _check_point(place: str, point: Point | Event, request: Request, slack: float) -> None:
+    """Refuse a time outside the run, and a state that is not one finite number per state."""
+    start, until, state = request.problem.start.time, request.problem.until, point.state
+    if not start - slack <= point.time <= until + slack:
+        raise _refused(f"{place}.time: {point.time!r} is not from {start!r} to {until!r}")
+    if len(state) != len(request.problem.states) or not all(map(math.isfinite, state)):
+        raise _refused(f"{place}.state: {len(state)} numbers, wanted {len(request.problem.states)}, one a state")
+
+
+def _refused(words: str) -> ContractError:
+    return ContractError(short_line(f"the program's response is refused: {words}"))

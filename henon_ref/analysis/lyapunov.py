@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from henon_ref.analysis.tangent_frame import LOCAL_ERROR, TangentFrame
 from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.prepared_run import local_error
+from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import written
+from henon_ref.system.tree import written
 from henon_ref.trajectory import Status
 
 BATCHES = 10
@@ -190,38 +190,15 @@ def lyapunov_exponents(
 def floquet_multipliers(
     problem: Problem, *, since: sp.Expr | float, period: sp.Expr | float, tolerance: float = 2e-16
 ) -> NDArray[np.complex128]:
-    """Return the Floquet multipliers of the periodic orbit on which a problem's trajectory is.
+    """Return the n Floquet multipliers of the periodic orbit on which a problem's trajectory is, largest first.
 
-    Parameters
-    ----------
-    problem : Problem
-        Its own ``until`` is not used.
-    since : Expr or float
-        A time at which the trajectory is on the orbit [s].
-    period : Expr or float
-        Period, or an integer multiple of it [s]; as an exact number if known.
-    tolerance : float
-        Local error of a step.
-
-    Returns
-    -------
-    ndarray of complex, shape (n,)
-        Largest first; exactly 0 for directions that a stick has removed.
-
-    Raises
-    ------
-    UnsupportedError
-        If the solution ends early, or if several surfaces change at one instant.
+    They are exactly 0 for directions that a stick has removed. The trajectory is on the orbit at the time ``since``
+    [s]; the problem's own ``until`` is not used. ``period`` [s] may be an integer multiple of the period, and is an
+    exact number if known; ``tolerance`` is the local error of a step. UnsupportedError if the solution ends early, or
+    if several surfaces change at one instant.
     """
     matrix, rank = fundamental_matrix(problem, since, since + period, tolerance=tolerance)
     multipliers = np.linalg.eigvals(matrix).astype(complex)
     multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
     multipliers[rank:] = 0.0
     return multipliers
-
-
-def floquet_exponents(multipliers: NDArray[np.complex128], period: float) -> NDArray[np.float64]:
-    """Return the Lyapunov exponents of a periodic orbit, ln abs(multiplier) / period [1/s]; ``-inf`` for 0."""
-    size = np.abs(multipliers)
-    with np.errstate(divide="ignore"):
-        return np.log(size) / period

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from henon_ref.enclosure.periodic_orbit import PeriodicOrbit, find_periodic_orbit
 from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.prepared_run import prepared_run
+from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
@@ -21,14 +21,8 @@ from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 
-LATE = 0.5
-"""Part of the run after which it is assumed to be on its orbit."""
 REPETITIONS, LONGEST = 3, 64
 """Repetitions of a pattern required at the end of a run; largest number of transitions of a pattern."""
-SAME = 1e-9
-"""Largest distance of two equal states, relative to the largest state."""
-SETTLING = 1e-2
-"""Largest distance of a run from its limit, relative to the largest state, from which Newton's method starts."""
 
 
 def periodic_orbit(
@@ -89,7 +83,7 @@ def periodic_orbit(
     run = prepared_run(problem, rtol=tolerance)()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
-    late = float(problem.start) + LATE * (run.end_time - float(problem.start))
+    late = float(problem.start) + 0.5 * (run.end_time - float(problem.start))
     _refuse_limits(problem, [t for t in run.transitions if t.time > late])
     if period is not None:
         length = system.number(period, "period")
@@ -201,14 +195,14 @@ def measured_period(transitions: Iterable[Transition], *, after: float) -> Perio
         apart[changes[length:] != changes[:-length]] = np.inf
         returns.append(apart)
     for length, apart, size in zip(lengths, returns, sizes, strict=True):
-        same = apart <= SAME * size
+        same = apart <= 1e-9 * size
         if same[-(REPETITIONS - 1) * length :].all():
             first = 0 if same.all() else len(same) - int(np.argmin(same[::-1]))
             return _period(late[first:], times[first:], length, settled=True)
     for length, apart, size in zip(lengths, returns, sizes, strict=True):
         before, now = apart[-2 * length : -length].max(), apart[-length:].max()
-        # Distance to the limit of a geometric series.
-        if now < before < np.inf and now * now / (before - now) <= SETTLING * size:
+        # Distance to the limit of a geometric series; Newton's method converges from here.
+        if now < before < np.inf and now * now / (before - now) <= 1e-2 * size:
             return _period(late[-REPETITIONS * length :], times[-REPETITIONS * length :], length, settled=False)
     return None
 

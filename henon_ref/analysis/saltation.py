@@ -24,10 +24,6 @@ from henon_ref.trajectory import Transition
 
 Vector = Sequence[float] | NDArray[np.float64]
 Matrix = NDArray[np.float64]
-SINGULAR = 1e-13
-"""Singular value, relative to the largest, up to which the derivative of a jump removes a direction."""
-AT_ZERO = 1e-12
-"""Part of the size of its terms below which a surface's function counts as zero."""
 _Function = Callable[..., list[float]]
 
 
@@ -112,8 +108,8 @@ def _slid_on(mode: Mode) -> frozenset[int]:
 
 
 def rank_lost(matrix: Matrix) -> int:
-    """Number of directions, out of the columns of a matrix, that the matrix removes."""
-    return matrix.shape[1] - int(np.linalg.matrix_rank(matrix, rtol=SINGULAR))
+    """Number of directions, out of the columns of a matrix, that the matrix removes: singular values near zero."""
+    return matrix.shape[1] - int(np.linalg.matrix_rank(matrix, rtol=1e-13))
 
 
 class Saltation:
@@ -126,12 +122,8 @@ class Saltation:
         """Saltation matrix of a transition, shape (n, n).
 
         A touch (``graze``) has the identity: the limit from the side that misses the surface. From the other side the
-        flow is not differentiable there.
-
-        Raises
-        ------
-        UnsupportedError
-            If several surfaces change at one instant by independent conditions: only directional derivatives exist.
+        flow is not differentiable there. UnsupportedError if several surfaces change at one instant by independent
+        conditions: only directional derivatives exist.
         """
         before, after = transition.from_mode, transition.to_mode
         changed = [i for i, (a, b) in enumerate(zip(before, after, strict=True)) if a != b]
@@ -151,10 +143,7 @@ class Saltation:
     def of_jump(self, jumped: Jumped, after: Mode) -> Matrix:
         """Saltation matrix of a jump of the state into the mode ``after``, shape (n, n).
 
-        Raises
-        ------
-        UnsupportedError
-            If several surfaces that reset the state are reached at one instant.
+        UnsupportedError if several surfaces that reset the state are reached at one instant.
         """
         t, (first, *others) = jumped.time, jumped.surfaces
         reached = [i for i in {*others} - {first} if self._is_on(i, jumped)]
@@ -184,8 +173,9 @@ class Saltation:
         return np.eye(len(self.system.states)) - pushes.T @ np.linalg.solve(rows @ pushes.T, rows)
 
     def _is_on(self, index: int, jumped: Jumped) -> bool:
+        """Check whether a surface's function is zero before a jump, relative to the size of its terms."""
         value, _, *gradient = self._guard(self.system.surfaces[index])(jumped.time, *jumped.before)
-        return abs(value) <= AT_ZERO * sum(abs(g * x) for g, x in zip(gradient, jumped.before, strict=True))
+        return abs(value) <= 1e-12 * sum(abs(g * x) for g, x in zip(gradient, jumped.before, strict=True))
 
     def _map(self, jumped: Jumped) -> tuple[Matrix, Matrix]:
         """Derivatives of the composed maps of a jump by time, shape (n,), and by the state, shape (n, n)."""

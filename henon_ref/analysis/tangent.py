@@ -24,23 +24,10 @@ from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
 
-LONGEST, MOST_FUNCTIONS = 100, 4
-"""Largest number of operations, and of functions, of an expression that SymPy simplifies and solves by heuristics."""
-QUARTIC = 4
-"""Largest degree of a polynomial whose roots are returned as radicals."""
-MOST_DEGREES = 400
-"""Largest sum of degrees of a rational function that is put over a common denominator."""
+LONGEST = 100
+"""Largest number of operations of an expression that SymPy simplifies and solves by heuristics."""
+_Z = sp.Symbol("z", real=True)
 Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
-
-
-@dataclass(frozen=True)
-class SurfaceCoordinate:
-    """Coordinate z along a surface: the state on the surface is a function of z (and of time)."""
-
-    symbol: sp.Symbol
-    """z."""
-    expression: sp.Expr
-    """z in time and states, e.g. ``x1 - A*sin(w*t)``."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +60,13 @@ class TangentAnalysis:
     ----------
     system : FilippovSystem
         Parameters may be free symbols, and the field may contain undefined functions of one variable.
-    coordinate : SurfaceCoordinate
+    along : Expr
+        Coordinate z along the surface in time and states, such as ``x1 - A*sin(w*t)``: the state on the surface is a
+        function of z (and of time).
     surface : int
         Index of the surface.
+    z : Symbol
+        Symbol of the coordinate.
 
     Raises
     ------
@@ -83,16 +74,11 @@ class TangentAnalysis:
         If the surface and the coordinate do not determine the states on which the transition function depends.
     """
 
-    def __init__(self, system: FilippovSystem, coordinate: SurfaceCoordinate, surface: int = 0) -> None:
-        self.system = system
-        self.coordinate = coordinate
-        self.surface = surface
-        z = coordinate.symbol
-        found = sp.solve([system.surfaces[surface], coordinate.expression - z], system.states, dict=True)
+    def __init__(self, system: FilippovSystem, along: sp.Expr, surface: int = 0, z: sp.Symbol = _Z) -> None:
+        self.system, self.surface, self.z = system, surface, z
+        found = sp.solve([system.surfaces[surface], along - z], system.states, dict=True)
         if len(found) != 1:
-            raise ModelError(
-                f"{system.surfaces[surface]} = 0 and {z} = {coordinate.expression} do not determine one state"
-            )
+            raise ModelError(f"{system.surfaces[surface]} = 0 and {z} = {along} do not determine one state")
         self._place = found[0]
         below, above = (self._normal(s) for s in (-1, 1))
         self.normals: dict[int, sp.Expr] = {-1: below, 1: above}
@@ -118,18 +104,18 @@ class TangentAnalysis:
     @property
     def derivative(self) -> sp.Expr:
         """d sigma / dz, Eqs. (11) and (21)."""
-        return sp.factor(sp.diff(self.transition_function, self.coordinate.symbol))
+        return sp.factor(sp.diff(self.transition_function, self.z))
 
     def critical_points(self) -> list[sp.Expr]:
         """Real roots z of d sigma / dz, Eqs. (12) and (22)."""
-        return _real_roots(self.derivative, self.coordinate.symbol)
+        return _real_roots(self.derivative, self.z)
 
     def boundary_values(self, parameter: sp.Symbol) -> list[sp.Expr]:
         """Return the values of a parameter at which a critical point is also a zero of sigma, Eqs. (13) and (23).
 
         Tangent points meet there: stick zones merge, split, appear or disappear.
         """
-        z, sigma = self.coordinate.symbol, self.transition_function
+        z, sigma = self.z, self.transition_function
         values = {
             sp.radsimp(sp.simplify(value))
             for point in self.critical_points()
@@ -139,7 +125,7 @@ class TangentAnalysis:
 
     def tangent_points(self) -> list[TangentPoint]:
         """Return all tangent points, Eqs. (16) and (24), highest first; the parameters must be numbers."""
-        z = self.coordinate.symbol
+        z = self.z
         points = []
         for side, normal in self.normals.items():
             touching, rate = self.system.numeric(normal), self.system.numeric(self._curvature(side))
@@ -164,7 +150,7 @@ class TangentAnalysis:
 
     def stick_zones(self) -> list[StickZone]:
         """Return the intervals between tangent points with sigma < 0, highest first; the parameters must be numbers."""
-        z, system = self.coordinate.symbol, self.system
+        z, system = self.z, self.system
         edges = [p.position for p in reversed(self.tangent_points())]
         zones = []
         for low, high in pairwise(edges):
@@ -228,11 +214,9 @@ def tangent_points(
     if along is None and len(free) != 1:
         left = f"leaves {len(free)} states free" if free else "leaves no state free"
         raise ArgumentError(f"the surface '{surface}' {left}: give the coordinate along it, as in along='x'")
-    coordinate = SurfaceCoordinate(
-        sp.Dummy("z", real=True), free[0] if along is None else system.expression(along, "along")
-    )
+    coordinate = free[0] if along is None else system.expression(along, "along")
     try:
-        return TangentAnalysis(model, coordinate, index).tangent_points()
+        return TangentAnalysis(model, coordinate, index, sp.Dummy("z", real=True)).tangent_points()
     except NotImplementedError as error:
         raise ModelError(f"no closed form of the tangent points is found: {shortened(str(error))}") from None
 
@@ -249,10 +233,7 @@ def _visibility(curvature: sp.Expr, side: int) -> Visibility:
 def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
     """Return the real roots, without multiplicity; cubics in trigonometric form, without complex numbers.
 
-    Raises
-    ------
-    ModelError
-        If the expression is too long for a closed form.
+    ModelError if the expression is too long for a closed form.
     """
     roots: list[sp.Expr] = []
     for factor, _ in sp.factor_list(_numerator(expression, z))[1]:
@@ -261,7 +242,7 @@ def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
         poly = sp.Poly(factor, z) if factor.is_polynomial(z) else None
         if poly is not None and poly.degree() == 3:
             found: Iterable[sp.Expr] = _cubic_roots(poly)
-        elif poly is not None and poly.degree() > QUARTIC and poly.domain in (sp.ZZ, sp.QQ):
+        elif poly is not None and poly.degree() > 4 and poly.domain in (sp.ZZ, sp.QQ):  # no radicals
             found = [root for root, _ in poly.real_roots(multiple=False)]
         elif poly is not None or _is_short(factor):
             found = sp.solve(factor, z)
@@ -274,11 +255,8 @@ def _real_roots(expression: sp.Expr, z: sp.Symbol) -> list[sp.Expr]:
 def _numerator(expression: sp.Expr, z: sp.Symbol) -> sp.Expr:
     if _is_short(expression) or expression.is_polynomial(z):
         return sp.numer(sp.together(expression))
-    if (
-        expression.free_symbols == {z}
-        and expression.is_rational_function(z)
-        and _degrees(expression, z) <= MOST_DEGREES
-    ):
+    rational = expression.free_symbols == {z} and expression.is_rational_function(z)
+    if rational and _degrees(expression, z) <= 400:  # else a common denominator takes too long
         with suppress(sp.CoercionFailed, ValueError):  # raised if its numbers are not rational
             return sp.QQ.frac_field(z).from_sympy(expression).numer.as_expr()
     raise _too_long(expression)
@@ -298,7 +276,7 @@ def _is_short(expression: sp.Expr) -> bool:
     functions = expression.atoms(sp.Function)
     return (
         size(expression, LONGEST) <= LONGEST
-        and len(functions) <= MOST_FUNCTIONS
+        and len(functions) <= 4
         and not any(a.has(sp.Function) for f in functions for a in f.args)
     )
 

@@ -8,7 +8,6 @@ against the integrated divergence in the modes' tangent spaces plus the volume f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +62,7 @@ class TangentFrame:
         """Begin the averaging now, with all directions of the present mode."""
         self.counted = list(range(self.dimension))
         self.logs = np.where(np.arange(self.n) < self.dimension, 0.0, -np.inf)
-        self.volume = _Volume(self.n * self.tolerance)
+        self.off = self.terms = self.allowed = 0.0
         self.began = self.last = self.flow.time
         self.stuck = 0.0
         self.transitions = 0
@@ -119,7 +118,7 @@ class TangentFrame:
             vectors = along @ (along.T @ vectors)
         basis, r = np.linalg.qr(vectors)
         grown = np.log(np.abs(np.diag(r)))
-        self.volume.add(grown, self.flow.log_volume)
+        self._check(grown, self.flow.log_volume)
         self._count(grown)
         self.flow.vectors = basis
 
@@ -136,9 +135,9 @@ class TangentFrame:
         basis, r = np.linalg.qr(vectors)
         grown = np.log(np.abs(np.diag(r)))
         if lost > 0:
-            self.volume = _Volume(self.volume.rounding)
+            self.off = self.terms = self.allowed = 0.0
         else:
-            self.volume.add(grown, float(np.log(np.abs(np.diag(np.linalg.qr(through)[1]))).sum()))
+            self._check(grown, float(np.log(np.abs(np.diag(np.linalg.qr(through)[1]))).sum()))
         self._count(grown)
         flow.vectors = frame = spaces.completed(basis, flow.mode, flow.time, flow.state)
         self.dimension = frame.shape[1]
@@ -153,6 +152,18 @@ class TangentFrame:
             if k < len(self.counted):
                 self.logs[self.counted.pop(k)] = -np.inf
         return vectors
+
+    def _check(self, grown: NDArray[np.float64], volume: float) -> None:
+        """Add the growth of a stretch and that of its volume; UnsupportedError if they disagree since the last loss of
+        rank."""
+        self.off += float(grown.sum()) - volume
+        self.terms += float(np.abs(grown).sum()) + abs(volume)
+        self.allowed += self.n * self.tolerance  # rounding errors of a stretch
+        if not abs(self.off) <= IDENTITY * self.terms + self.allowed:
+            raise UnsupportedError(
+                "the growth of the tangent vectors is lost in rounding: the sum of its logarithms differs by "
+                f"{self.off:.3g} from the integrated divergence, and all absolute terms sum to {self.terms:.3g}"
+            )
 
     def _count(self, grown: NDArray[np.float64]) -> None:
         self.logs[self.counted] += grown[: len(self.counted)]
@@ -176,25 +187,3 @@ def _first_frame(flow: TangentFlow) -> Matrix:
     real = np.where(rates.imag < 0, vectors.imag, vectors.real)[:, np.argsort(-rates.real, kind="stable")]
     turn = TURNED * np.random.default_rng(0).standard_normal(real.shape)
     return basis @ np.linalg.qr(np.linalg.qr(real)[0] + turn)[0]
-
-
-@dataclass
-class _Volume:
-    """Difference between the logarithms of a frame's growth and of its volume's, since the last loss of rank."""
-
-    rounding: float
-    """Rounding error of a stretch."""
-    off: float = field(default=0.0, init=False)
-    terms: float = field(default=0.0, init=False)
-    allowed: float = field(default=0.0, init=False)
-
-    def add(self, grown: NDArray[np.float64], volume: float) -> None:
-        """Add a stretch; UnsupportedError if growth and volume disagree."""
-        self.off += float(grown.sum()) - volume
-        self.terms += float(np.abs(grown).sum()) + abs(volume)
-        self.allowed += self.rounding
-        if not abs(self.off) <= IDENTITY * self.terms + self.allowed:
-            raise UnsupportedError(
-                "the growth of the tangent vectors is lost in rounding: the sum of its logarithms differs by "
-                f"{self.off:.3g} from the integrated divergence, and all absolute terms sum to {self.terms:.3g}"
-            )

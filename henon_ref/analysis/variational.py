@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from henon_ref.analysis.saltation import Matrix, Saltation, TangentSpace, rank_lost
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.bounds import double_double
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.equations import ModeEquations
@@ -181,12 +180,8 @@ class TangentFlow:
     def advance(self, until: sp.Expr | float) -> TangentTransition | Trajectory:
         """Advance to the next transition, or to ``until`` [s] if that is earlier (exact numbers: to double-double).
 
-        Returns
-        -------
-        TangentTransition
-            The transition; state and mode are then those just after it, the vectors those just before it.
-        Trajectory
-            If no transition was before ``until`` (status ``ok``; a later ``until`` continues), or if the run ended.
+        At a transition, state and mode are those just after it, the vectors those just before it. A trajectory is
+        returned if no transition was before ``until`` (status ``ok``; a later one continues), or if the run ended.
         """
         self._run.until = (until, 0.0) if isinstance(until, float) else double_double(sp.sympify(until))
         event = self._run.next_event()
@@ -205,20 +200,11 @@ class TangentFlow:
 
 
 def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
-    """Return the derivative of the state at ``until`` [s] by the state at ``since`` [s], along a problem's solution.
+    """Return the derivative of the state at ``until`` [s] by the state at ``since`` [s], shape (n, n), and its rank.
 
-    In sliding at ``since`` it is the derivative along the surfaces, and maps directions normal to them to zero.
-
-    Returns
-    -------
-    matrix : ndarray, shape (n, n)
-    rank : int
-        Upper bound of the number of remaining directions, from the sticks entered, not from digits.
-
-    Raises
-    ------
-    UnsupportedError
-        If the solution ends before ``until``, or if several surfaces change at one instant.
+    In sliding at ``since`` it is the derivative along the surfaces, and maps directions normal to them to zero. The
+    rank, an upper bound, follows from the sticks entered, not from digits. UnsupportedError if the solution ends before
+    ``until``, or if several surfaces change at one instant.
     """
     flow = TangentFlow(problem, tolerance=tolerance)
     rank = n = len(problem.system.states)

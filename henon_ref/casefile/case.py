@@ -243,11 +243,11 @@ def _reading(
     name: str, source: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
 ) -> Reading:
     form = read_form(CaseForm, source)
-    check_model(source, form)
+    check_model(source)
     expected.check_runs(source, form, solvers)
     expected.check_gates(source, form, fixed_step)
     problem, names = build_problem(source)
-    check_surfaces(source, form, problem)
+    check_surfaces(source, problem)
     after = source.number(("measure", "after"), names.values) if "after" in source.keys(("measure",)) else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
@@ -273,11 +273,11 @@ def _reading(
     )
 
 
-def check_surfaces(source: Source, form: CaseForm, problem: Problem) -> None:
+def check_surfaces(source: Source, problem: Problem) -> None:
     """Raise CaseError if a case has no surface."""
     if problem.system.surfaces:
         return
-    if form.scene is not None:
+    if source.has_scene:
         message = "the scene has no surface, so there is no transition to find; add a friction or a stop"
         raise source.error(("scene", "connections"), message, key=True)
     message = "there is no transition to find: 'surfaces' is empty and 'field' has no kinks; add a surface"
@@ -294,10 +294,10 @@ def check_added_parameters(source: Source, whole: Source) -> None:
             raise source.unknown((*path, name), unused, "parameters", known or ["none"])
 
 
-def check_model(source: Source, form: CaseForm) -> None:
+def check_model(source: Source) -> None:
     """Raise CaseError if a file has two models or none."""
     message = "give the model once: either 'system' or 'scene'"
-    given = [key for key, model in (("system", form.system), ("scene", form.scene)) if model is not None]
+    given = [key for key in ("system", "scene") if isinstance(source.tree.entries.get(key), MappingNode)]
     if not given:
         raise source.error((), message)
     if len(given) == 2:

@@ -10,8 +10,8 @@ from typing import Any
 
 from henon_ref.casefile.form import Form, Kind, Scalar, kind_of
 from henon_ref.casefile.schema import NAME_PATTERN, READING_KEYS, CaseForm
-from henon_ref.system.bodies import KEYS
 from henon_ref.system.connections import KINDS, Key
+from henon_ref.system.scene import KEYS
 
 _EXPRESSION = {"type": ["number", "string"]}
 _NAME = {"type": "string"}

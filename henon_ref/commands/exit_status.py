@@ -33,20 +33,12 @@ USAGE_ERROR: Any = typer.BadParameter.__base__
 
 
 def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] | None, kept: str = "") -> int:
-    """Run a command and return its exit status.
+    """Run a command and return its exit status: that which ``act`` returns, if there is no error.
 
-    Parameters
-    ----------
-    act : callable
-        Returns the exit status if there is no error.
-    name : str
-        Name of the command, for the log.
-    arguments : sequence of str, optional
-        Arguments of the command, for the log; None: those of the process.
-    kept : str
-        Addition to the message of an interruption or a crash: results that are kept.
+    ``name`` and ``arguments`` (None: those of the process) are written to the log. ``kept`` is added to the message of
+    an interruption or a crash: results that are kept.
     """
-    with _standard_streams(), warnings_shown():
+    with _output():
         try:
             signal.signal(signal.SIGTERM, _terminate)
             status = act()
@@ -153,26 +145,6 @@ class _Stream:
             os.dup2(nothing.fileno(), self._stream.fileno())
 
 
-@contextmanager
-def _standard_streams() -> Iterator[None]:
-    """Replace the standard streams by streams that can always be written to."""
-    before = sys.stdout, sys.stderr
-    # If the shell has closed one, the next opened file would get its number, and with it output of libraries.
-    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
-        os.set_inheritable(number, True)
-    os.close(number)
-    sys.stdout, sys.stderr = (
-        _Stream(stream or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - as long as the command
-        for stream in before
-    )
-    try:
-        yield
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        sys.stdout, sys.stderr = before
-
-
 class _Shown(logging.Handler):
     """Shows warnings of the package like other messages of the command."""
 
@@ -181,11 +153,22 @@ class _Shown(logging.Handler):
 
 
 @contextmanager
-def warnings_shown() -> Iterator[None]:
-    """Print logged warnings on standard error, one line each."""
-    handler = _Shown(logging.WARNING)
+def _output() -> Iterator[None]:
+    """Replace the standard streams by streams that can always be written to, and show logged warnings."""
+    before, handler = (sys.stdout, sys.stderr), _Shown(logging.WARNING)
+    # If the shell has closed one, the next opened file would get its number, and with it output of libraries.
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(number, True)
+    os.close(number)
+    sys.stdout, sys.stderr = (
+        _Stream(stream or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115 - as long as the command
+        for stream in before
+    )
     logging.getLogger().addHandler(handler)
     try:
         yield
     finally:
         logging.getLogger().removeHandler(handler)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        sys.stdout, sys.stderr = before

@@ -25,8 +25,6 @@ app = application()
 STANDARD_OUTPUT = Path("-")
 KINDS = (".png", ".svg", ".pdf")
 """Allowed suffixes of a figure's file name."""
-WIDTH, HEIGHT = 10.0, 4.6
-"""Size of a figure [in]."""
 
 
 @app.command(
@@ -111,8 +109,7 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
     return simulate(
         system,
         {**own.initial, **initial},
-        start=own.start,
-        until=own.until if until is None else until,
+        until=until,
         mode=own.mode,
         parameters=parameters or None,
         rtol=rtol,
@@ -139,7 +136,7 @@ def write_picture(path: Path, run: Solution) -> None:
     """Write the figure of a run: the phase portrait with its transitions, and states over time."""
     from henon_ref.figures import style
 
-    with style.figure(HEIGHT, width=WIDTH) as figure:
+    with style.figure(4.6, width=10.0) as figure:
         figure.set_layout_engine("constrained")
         grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1))
         run.plot(ax=figure.add_subplot(grid[:, 0]), transitions=True)

@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from henon_ref.sweeps.sweep import SweepTable
 
 app = application()
-KEPT = "finished chunks are kept, --resume continues from them"
-PATIENCE = 10
-"""Largest time to wait for a cluster [s]."""
 Around = Callable[[Path], AbstractContextManager[None]]
 """Context around the writing of a sweep's folder: takes a lock, and afterwards writes the page."""
 
@@ -63,17 +60,16 @@ def main(
 
     if not quiet:
         status_line.show(f"reading {file}")
-    sweep, around = load_sweep(file), context.obj or _nothing
-    folder, ended = out / sweep.name, Counter[str]()
+    plan, around = load_sweep(file), context.obj or nullcontext
+    folder, ended = out / plan.name, Counter[str]()
     with around(folder), _cluster(dask) as executor:
         status_line.clear()
-        place = SweepFolder(folder, sweep.plan)
-        further = (PAGE, FIGURES) if plot else (PAGE,)
-        place.begin(resume=resume, name=sweep.name, title=sweep.title, source=sweep.source, further=further)
-        for _, tables in done(sweep.plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
+        place = SweepFolder(folder, plan)
+        place.begin(resume=resume, further=(PAGE, FIGURES) if plot else (PAGE,))
+        for _, tables in done(plan, place, jobs=jobs or processors(), executor=executor, quiet=quiet):
             ended.update(tables.points["status"].tolist())
         counts = ", ".join(f"{count} {status}" for status, count in sorted(ended.items()))
-        print(f"{folder}: {len(sweep.plan.points)} points, {counts}")
+        print(f"{folder}: {len(plan.points)} points, {counts}")
         if plot:
             _draw(place)
     return DONE
@@ -84,11 +80,8 @@ def program(arguments: Sequence[str] | None = None, around: Around | None = None
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as in the workers
         os.environ.setdefault(name, "1")
     act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
-    return exit_status(act, name="sweep", arguments=arguments, kept=KEPT)
-
-
-def _nothing(folder: Path) -> AbstractContextManager[None]:
-    return nullcontext()
+    kept = "finished chunks are kept, --resume continues from them"
+    return exit_status(act, name="sweep", arguments=arguments, kept=kept)
 
 
 @contextmanager
@@ -102,7 +95,7 @@ def _cluster(address: str | None) -> Iterator[Any]:
     except ImportError:
         raise CaseError("--dask needs the package distributed: pip install 'henon-ref[dask]'") from None
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=10)
     except (OSError, ValueError) as error:  # not an address, or the scheduler does not answer
         raise CaseError(f"no Dask scheduler answers at {address}: {error}") from None
     try:

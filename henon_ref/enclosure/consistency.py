@@ -1,23 +1,32 @@
-"""Consistent modes at one point, decided on balls: by strict signs, exact zeros, or not at all."""
+"""Consistent modes at one point, decided on balls: by strict signs, exact zeros, or not at all.
+
+A solution of a contact problem is proven by the conditions of the minimum. Gauss's sum is strictly convex in the
+accelerations, so accelerations that satisfy these conditions are the unique minimum, regardless of the method that
+found them (:mod:`henon_ref.modes.contact_problem`). The conditions: the force of each holding contact is within its
+bounds, and every other contact slips against its force, which is at a bound.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from math import inf
+from typing import Any
 
 import sympy as sp
-from flint import arb, ctx
+from flint import arb, arb_mat, ctx
 
 from henon_ref.enclosure.balls import enclose, proves_zero, sign_of
-from henon_ref.enclosure.contact_proof import is_proven
 from henon_ref.enclosure.enclosure import UndecidedError
-from henon_ref.enclosure.model import ModeModel, SystemModel, solve_for_states
+from henon_ref.enclosure.model import ModeModel, SystemModel
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import up_to_a_number
+from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Row, Settled, independent_of
 from henon_ref.modes.equations import Guard, Refusal
 from henon_ref.modes.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
 from henon_ref.modes.mode import Mode, mode_text, replaced
+from henon_ref.modes.resets import settled_state
 
 ORDER = 6
 """Highest derivative examined for the sign of a guard."""
@@ -54,11 +63,10 @@ class Identities:
         values: dict[sp.Symbol, sp.Expr] = {}
         unsolved: list[sp.Expr] = []
         for zero in zeros:
-            solved = solve_for_states([_substituted(zero, values)], states)
-            if solved:
-                values[states[solved[0].index]] = solved[0].value
-            else:
-                unsolved.append(_substituted(zero, values))
+            zero = _substituted(zero, values)
+            solved = settled_state(zero, states)
+            values |= solved
+            unsolved += [] if solved else [zero]
         return cls(values, tuple(unsolved))
 
     def vanishes(self, expression: sp.Expr) -> bool:
@@ -93,6 +101,7 @@ class Judge:
         smooth: int | None = None,
     ) -> None:
         self.model, self.box, self.on, self.identities = model, list(box), on, identities
+        self.values = model.at(box)
         self.smooth = smooth
         """Surface that was just released, so that its normal velocity is exactly zero."""
 
@@ -146,15 +155,14 @@ class Judge:
             raise EndedError(decision.reason, decision.status)
         if decision.mode is None:  # pivoting without a result does not prove that no mode is consistent
             raise UndecidedError(decision.reason, "mode")
-        zeros = [count for count, _ in self._leading_terms(self.model.mode(decision.mode))]
-        return self._attracting(Entry(decision.mode, tuple(zeros)))
+        terms = self._leading_terms(self.model.mode(decision.mode), self.on, by_groups=True)
+        return self._attracting(Entry(decision.mode, tuple(count for count, _ in terms)))
 
     def _values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
         """Evaluate expressions in time, states and signs at the point; None if a value is not finite."""
         system = self.model.system
         entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
-        at = dict(zip(self.model.symbols, self.box, strict=True))
-        values = [enclose(system.numeric(e).xreplace(entries), at) for e in expressions]
+        values = [enclose(system.numeric(e).xreplace(entries), self.values) for e in expressions]
         return values if all(v.is_finite() for v in values) else None
 
     def _broken(self, mode: Mode, active: Collection[int]) -> Broken | None:
@@ -163,34 +171,13 @@ class Judge:
             made = self.model.mode(mode)
         except ModelError:
             return None
-        terms = zip(made.guards, self._leading_terms(made), strict=True)
+        terms = zip(made.guards, self._leading_terms(made, self.on, by_groups=True), strict=True)
         return [(g, order_of(self.model.system, g, k)) for g, (k, sign) in terms if sign < 0]
-
-    def _leading_terms(self, made: ModeModel) -> list[tuple[int, int]]:
-        """For each guard, its number of exact zeros and the sign of the next coefficient; (0, 1) off its surface."""
-        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
-        rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
-        found = []
-        for guard, row in rows:
-            if guard.ends or guard.index not in self.on:
-                found.append((0, 1))
-            elif self._by_own_rule(guard):
-                found.append((0, 1 if self._attracts(made.mode, guard.index) else -1))
-            else:
-                found.append(self._leading(made, guard, row))
-        return found
-
-    def _by_own_rule(self, guard: Guard) -> bool:
-        """Whether the guard ends the sliding of an override that is entered by attraction, not by its hold zone."""
-        system = self.model.system
-        own = guard.index in system.overrides and not system.held_inside(guard.index)
-        return own and not system.rests(guard.index) and guard.kind == "release"
 
     def _attracting(self, entry: Entry) -> Entry:
         """Return the entry; raise UndecidedError if sliding on an intersection is not proven to attract."""
-        at = dict(zip(self.model.symbols, self.box, strict=True))
         for guard in self.model.mode(entry.mode).guards:
-            if guard.kind == "attracts" and not enclose(guard.expression, at) > 0:
+            if guard.kind == "attracts" and not enclose(guard.expression, self.values) > 0:
                 names = ", ".join(n for n, s in zip(self.model.system.sign_names, entry.mode, strict=True) if s == 0)
                 raise UndecidedError(f"whether sliding on {names} attracts{self._where()} cannot be decided", "mode")
         return entry
@@ -204,26 +191,39 @@ class Judge:
             made = self.model.mode(mode)
         except ModelError:
             return None
-        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
         zeros: list[int] = []
-        for guard, row in zip(made.guards, (series[i] for i in made.flow.outputs), strict=True):
-            if guard.ends or guard.index not in self.on:
-                zeros.append(0)
-                continue
-            system = self.model.system
-            inside = guard.index in active and (system.held_inside(guard.index) or system.rests(guard.index))
-            if inside and guard.kind == "surface" and self._held(mode, guard.index):
-                return None  # no slip starts inside the hold zone
-            if guard.rising_only and not inside:
-                if guard.index in active and not self._attracts(mode, guard.index):
-                    return None
-                zeros.append(0)
-                continue
-            count, sign = self._leading(made, guard, row)
+        for count, sign in self._leading_terms(made, active):
             if sign < 0:
                 return None
             zeros.append(count)
         return tuple(zeros)
+
+    def _series(self, made: ModeModel) -> list[tuple[Guard, list[arb]]]:
+        """Guards of a mode with their Taylor coefficients at the point."""
+        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
+        return [(guard, series[i]) for guard, i in zip(made.guards, made.flow.outputs, strict=True)]
+
+    def _leading_terms(
+        self, made: ModeModel, active: Collection[int], *, by_groups: bool = False
+    ) -> Iterator[tuple[int, int]]:
+        """For each guard, its number of exact zeros and the sign of the next coefficient; (0, 1) off its surface.
+
+        The sign is -1 also if another rule excludes the mode: a slip that starts inside the hold zone of an active
+        surface (not ``by_groups``: Gauss's principle decides), or sliding on an active surface that does not attract.
+        """
+        system = self.model.system
+        for guard, row in self._series(made):
+            index = guard.index
+            if guard.ends or index not in self.on:
+                yield 0, 1
+                continue
+            inside = index in active and (system.held_inside(index) or system.rests(index))
+            if inside and not by_groups and guard.kind == "surface" and self._held(made.mode, index):
+                yield 0, -1
+            elif guard.rising_only and not inside:
+                yield 0, 1 if index not in active or self._attracts(made.mode, index) else -1
+            else:
+                yield self._leading(made, guard, row)
 
     def _held(self, mode: Mode, index: int) -> bool:
         """Check whether every release guard of an override is positive in the stick just after the point."""
@@ -235,9 +235,8 @@ class Judge:
             raise UndecidedError(
                 f"whether {names[index]} is held{self._where()} cannot be decided: {error}", "mode"
             ) from None
-        series = made.flow.run(ctx.prec, self.box[0], self.box[1:], ORDER, arb(1))
-        rows = zip(made.guards, (series[i] for i in made.flow.outputs), strict=True)
-        return all(self._leading(made, g, r)[1] > 0 for g, r in rows if g.kind == "release" and g.index == index)
+        guards = ((g, row) for g, row in self._series(made) if g.kind == "release" and g.index == index)
+        return all(self._leading(made, guard, row)[1] > 0 for guard, row in guards)
 
     def _leading(self, made: ModeModel, guard: Guard, row: Sequence[arb]) -> tuple[int, int]:
         """Number of exactly zero coefficients, and the sign of the first nonzero one."""
@@ -264,13 +263,50 @@ class Judge:
         """Check whether both fields point at a surface whose sliding is overridden, or are exactly tangent to it."""
         system = self.model.system
         normal = system.numeric(system.normal_velocity(index))
-        values = dict(zip(self.model.symbols, self.box, strict=True))
         for side in (-1, 1):
             signs = {s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)}
             velocity = normal.xreplace(signs)
-            sign = sign_of(enclose(velocity, values))
+            sign = sign_of(enclose(velocity, self.values))
             if sign == 0 and not self.identities.vanishes(velocity):
                 raise UndecidedError(f"the sign of the normal velocity of surface {index} cannot be decided", "mode")
             if sign == side:
                 return False
         return True
+
+
+def is_proven(problem: ContactProblem, found: Accelerations, settled: Settled) -> bool:
+    """Check whether a double-precision solution is proven for a problem in balls, with no force at its limit.
+
+    In loops, where some holding contacts determine the remaining ones, those farthest from their bounds are chosen.
+    """
+    held = [k for k, slips in enumerate(found.slips) if not slips]
+    room = {k: min(map(float, _distances(problem, k, float(found.forces[k]))), default=inf) for k in held}
+    chosen = independent_of(problem, sorted(held, key=lambda k: -room[k]))
+    if not all(settled(chosen, k) for k in held if k not in chosen):
+        return False
+    bounds = zip(found.entries, problem.lower, problem.upper, found.forces.tolist(), strict=True)
+    forces: Row = [upper if entry > 0 else lower if entry < 0 else force for entry, lower, upper, force in bounds]
+    if chosen:
+        matrix = arb_mat([[problem.matrix[k][j] for j in chosen] for k in chosen])
+        try:
+            values = matrix.solve(arb_mat([[_acceleration(problem, k, forces, skipped=chosen)] for k in chosen]))
+        except ZeroDivisionError:  # the matrix is not proven to be regular
+            return False
+        for k, value in zip(chosen, values.entries(), strict=True):
+            forces[k] = value
+            if not all(distance > 0 for distance in _distances(problem, k, value)):
+                return False
+    slipping = ((k, entry) for k, (entry, slips) in enumerate(zip(found.entries, found.slips, strict=True)) if slips)
+    return all(entry * _acceleration(problem, k, forces) > 0 for k, entry in slipping)
+
+
+def _distances(problem: ContactProblem, k: int, force: Any) -> list[Any]:
+    """Distances of a force from its bounds; negative beyond them."""
+    bounds = ((problem.lower[k], 1), (problem.upper[k], -1))
+    return [way * (force - bound) for bound, way in bounds if bound is not None]
+
+
+def _acceleration(problem: ContactProblem, k: int, forces: Row, skipped: Sequence[int] = ()) -> Any:
+    """Relative acceleration of a contact, without the forces of the skipped contacts."""
+    row = enumerate(zip(problem.matrix[k], forces, strict=True))
+    return problem.free[k] - sum((slope * force for j, (slope, force) in row if j not in skipped), 0 * problem.free[k])

@@ -1,4 +1,7 @@
-"""First root of a falling guard on a step: signs proven on subintervals, interval Newton for the root."""
+"""The guard that falls first on a step, and the record of its event.
+
+Signs are proven on subintervals; the root is enclosed by interval Newton.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,9 @@ from flint import arb
 
 from henon_ref.enclosure.balls import sign_of
 from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError, interval
+from henon_ref.enclosure.impacts import Rest
+from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import Mode
 
 DEPTH = 90
 """Largest number of bisections before a sign counts as not provable."""
@@ -20,6 +26,8 @@ RECENTRE = 5
 """Number of bisections after which the polynomial is expanded again around the remaining subinterval."""
 SPLIT = 0.4837
 """Where an interval is split, as a part of it; not 0.5, so that a split point is unlikely to be a root."""
+HORIZON_MARGIN = 1.125
+"""Search interval as a multiple of the remaining time: an event just after the horizon is then reported as a tie."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +41,22 @@ class Root:
 
 
 @dataclass(frozen=True)
-class Scan:
-    """Sign changes of a guard on a step."""
+class Hit:
+    """The event of a guard that fell to zero."""
 
-    root: Root | None
-    """First root at which the guard falls through zero; None if there is none."""
-    armed: bool
-    """Whether the guard was positive at some time of the step."""
+    guard: Guard
+    before: Mode
+    after: Mode
+    box: tuple[arb, ...]
+    """Enclosure of (t, x)."""
+    rate: arb
+    """Slope of the guard at the event [1/s]."""
+    applied: tuple[tuple[int, tuple[arb, ...]], ...] = ()
+    """Surfaces that reset the state, in order, each with the enclosure after its map; ``box`` is after the last map."""
+    rest: Rest | None = None
+    """Rest that follows at this instant, or after accumulating impacts that are not recorded."""
+    recorded: bool = True
+    """False for an impact after the limit of accumulating impacts was detected."""
 
 
 def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: Sequence[Tail], zeros: int) -> Curve:
@@ -63,7 +80,7 @@ def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: S
     return Curve.of(total[zeros:], tails)
 
 
-def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
+def scan(curve: Curve, end: float, armed: bool, name: str) -> tuple[Root | None, bool]:
     """Locate the first root in (0, end] at which a guard falls through zero, or prove that there is none.
 
     Parameters
@@ -76,6 +93,12 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
     name : str
         Name of the guard in error messages.
 
+    Returns
+    -------
+    root : Root or None
+    armed : bool
+        Whether the guard was positive at some time of the step.
+
     Raises
     ------
     UndecidedError
@@ -85,7 +108,7 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
     positive = False  # whether the left end of the next subinterval is proven positive
     for _ in range(PIECES):
         if not stack:
-            return Scan(None, armed)
+            return None, armed
         low, high, depth, curve = stack.pop()
         value, slope = curve.over(low, high)
         sign = sign_of(value)
@@ -99,7 +122,7 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> Scan:
         if armed and low == 0.0 and (sign < 0 or shape == "rises"):
             raise UndecidedError(f"{name} is negative where it should start positive", "start")
         if shape == "falls":
-            return Scan(Root(low, high, curve), True)
+            return Root(low, high, curve), True
         if shape in ("stays positive", "rises"):
             positive = armed = True
             continue
@@ -183,11 +206,10 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
     found: list[tuple[int, Root]] = []
     armed = [was for _, was, _ in curves]
     for index, (curve, was, name) in enumerate(curves):
-        result = scan(curve, end, was, name)
-        armed[index] = result.armed
-        if result.root is not None:
-            found.append((index, result.root))
-            end = min(end, result.root.high)
+        root, armed[index] = scan(curve, end, was, name)
+        if root is not None:
+            found.append((index, root))
+            end = min(end, root.high)
     # `end` shrinks during the scans; a root found before may be after it, but its bracket is still valid.
     roots = [(index, refine(root)) for index, root in found]
     if not roots:
@@ -199,3 +221,25 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
             reason = f"{names} fall at times that cannot be told apart: a tie"
             raise UndecidedError(reason, "tie", float(first.mid()))
     return (first_index, first), armed
+
+
+def first_fall(
+    watched: Sequence[tuple[Curve, bool, str]], reach: float, left: float
+) -> tuple[tuple[int, arb] | None, list[bool]]:
+    """Locate the first guard that falls on a step of length ``reach``, with time ``left`` to the horizon."""
+    if left * HORIZON_MARGIN < reach:
+        try:
+            return first_root(watched, left * HORIZON_MARGIN)
+        except UndecidedError:
+            return first_root(watched, left)
+    return first_root(watched, min(left, reach))
+
+
+def guard_text(guard: Guard, names: Sequence[str]) -> str:
+    if guard.kind == "valid":
+        return f"valid expression {guard.index}"
+    if guard.kind == "attracts":
+        return f"whether sliding on {names[guard.index]} and others attracts"
+    if guard.kind == "surface":
+        return f"surface {names[guard.index]}"
+    return f"the release of {names[guard.index]} to {guard.to_sign:+d}"

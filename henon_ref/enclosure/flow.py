@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import log2
 
 import sympy as sp
@@ -12,11 +11,9 @@ from flint import arb, arb_mat
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.consistency import Entry
 from henon_ref.enclosure.enclosure import Curve, Expansion, Tail, UndecidedError, expand
-from henon_ref.enclosure.event import guard_curve
-from henon_ref.enclosure.fallen_guard import Hit, first_fall, guard_text
-from henon_ref.enclosure.impacts import Rest, rest_after
-from henon_ref.enclosure.lohner import PointSet
-from henon_ref.enclosure.maps import ProvenMaps
+from henon_ref.enclosure.event import Hit, first_fall, guard_curve, guard_text
+from henon_ref.enclosure.impacts import Accumulation, ProvenMaps, Rest
+from henon_ref.enclosure.lohner import PointSet, diagonal
 from henon_ref.enclosure.mode_selection import entry_after, entry_after_jump, entry_at_rest
 from henon_ref.enclosure.model import ModeModel, SystemModel
 from henon_ref.modes.equations import Guard
@@ -34,20 +31,9 @@ TANGENT_ROOM = 4.0
 """First disc radius of the variational equations, in steps."""
 
 
-@dataclass(frozen=True)
-class Precision:
-    """Working precision and Taylor order of each step."""
-
-    bits: int
-    order: int
-    tangent_bits: int = TANGENT_BITS
-    tangent_order: int = TANGENT_ORDER
-
-    @classmethod
-    def of(cls, bits: int, *, sharp_tangent: bool = False) -> Precision:
-        """Choose the cheapest order (about 0.35 per bit); ``sharp_tangent``: derivatives to all digits."""
-        order = max(14, round(0.38 * bits))
-        return cls(bits, order, bits, order) if sharp_tangent else cls(bits, order)
+def taylor_order(bits: int) -> int:
+    """Order at which steps are cheapest at a precision."""
+    return max(14, round(0.38 * bits))
 
 
 class ValidatedFlow:
@@ -59,12 +45,14 @@ class ValidatedFlow:
     points : PointSet
         Initial set, in (t, x).
     entry : Entry
-    precision : Precision
-        Its ``bits`` must be the working precision of ``flint.ctx`` whenever a method is called.
+    bits : int
+        Working precision of ``flint.ctx`` whenever a method is called.
     unit : float
         Initial time unit, a power of two.
     span : float
         Length of the run [s], the scale on which accumulating impacts are detected; 0 disables the detection.
+    sharp : bool
+        Derivatives are accurate to all digits, not only enough to propagate a radius.
     """
 
     def __init__(
@@ -72,13 +60,16 @@ class ValidatedFlow:
         model: SystemModel,
         points: PointSet,
         entry: Entry,
-        precision: Precision,
+        bits: int,
+        *,
         unit: float = 1.0,
         span: float = 0.0,
+        sharp: bool = False,
     ) -> None:
-        self.model, self.points, self.precision, self.unit = model, points, precision, unit
-        size = len(points.centre)
-        self.derivative = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
+        self.model, self.points, self.unit, self.sharp = model, points, unit, sharp
+        self.bits, self.order = bits, taylor_order(bits)
+        self.tangent_bits, self.tangent_order = (bits, self.order) if sharp else (TANGENT_BITS, TANGENT_ORDER)
+        self.derivative = diagonal([1] * len(points.centre))
         """Encloses the derivative of the present (t, x) by the initial (t, x), with saltation at the events."""
         self.span = span
         self._accumulating: int | None = None
@@ -136,33 +127,27 @@ class ValidatedFlow:
 
     def _expansions(self, made: ModeModel) -> tuple[Expansion, Expansion, float]:
         """Expand the centre's solution, and the variational equations over the set; third: the step valid for both."""
-        p = self.precision
-        centre = self.points.centre
-        flow = expand(made.flow, centre[0], centre[1:], p.order, self.unit)
+        centre, hull = self.points.centre, self.points.hull()
+        flow = expand(made.flow, centre[0], centre[1:], self.order, self.unit)
         self.unit = flow.unit
-        reach = flow.reach(p.bits)
-        hull = self.points.hull()
+        reach = flow.reach(self.bits)
         size = len(hull)
         start = [arb(int(j == i + 1)) for j in range(size) for i in range(size - 1)]
-        sharp = p.tangent_order == p.order
-        disc = flow.radius if sharp else TANGENT_ROOM * reach
-        with working_precision(p.tangent_bits):
+        disc = flow.radius if self.sharp else TANGENT_ROOM * reach
+        with working_precision(self.tangent_bits):
             box = [b + 0 for b in hull]
-            tangent = expand(made.tangent, box[0], [*box[1:], *start], p.tangent_order, self.unit, disc)
-            if sharp:
-                reach = min(reach, tangent.reach(p.bits))
+            tangent = expand(made.tangent, box[0], [*box[1:], *start], self.tangent_order, self.unit, disc)
+            if self.sharp:
+                reach = min(reach, tangent.reach(self.bits))
         return flow, tangent, min(reach, tangent.radius / 2)
 
-    def _columns(self, size: int, pick: Sequence[arb]) -> list[list[arb]]:
-        """Rows of the derivative of (t, x) by the initial (t, x), from the values of the variational states."""
-        rows = [[arb(int(j == 0)) for j in range(size)]]
-        rows += [[pick[(j + 1) * (size - 1) + i] for j in range(size)] for i in range(size - 1)]
-        return rows
-
     def _derivative(self, tangent: Expansion, s: arb) -> list[list[arb]]:
+        """Rows of the derivative of (t, x) by the initial (t, x) at a time on the step."""
         size = len(self.points.centre)
-        with working_precision(self.precision.tangent_bits):
-            return self._columns(size, [tangent.state(i).at(s) for i in range(len(tangent.states))])
+        with working_precision(self.tangent_bits):
+            values = [tangent.state(i).at(s) for i in range(len(tangent.states))]
+        rows = [[values[(j + 1) * (size - 1) + i] for j in range(size)] for i in range(size - 1)]
+        return [[arb(int(j == 0)) for j in range(size)], *rows]
 
     def _guards(self, made: ModeModel, flow: Expansion, tangent: Expansion) -> list[Curve]:
         """Enclose every guard over the set, divided by its exact zeros at the start of the step."""
@@ -176,7 +161,7 @@ class ValidatedFlow:
         size = len(self.points.centre)
         first = guard * size
         offsets = [h - c for h, c in zip(self.points.hull(), self.points.centre, strict=True)]
-        with working_precision(self.precision.tangent_bits):
+        with working_precision(self.tangent_bits):
             columns = tangent.outputs[first : first + size]
             rows = arb_mat([[c[k] for c in columns] for k in range(tangent.order + 1)])
             stray = self.points.deviations(rows)
@@ -206,7 +191,7 @@ class ValidatedFlow:
         middle = root.mid()
         stray, tails = self._stray(tangent, index, flow.output_tail(index))
         slope = guard_curve(flow.outputs[index], stray, tails, 0).slope(root)
-        with working_precision(self.precision.tangent_bits):
+        with working_precision(self.tangent_bits):
             row = [tangent.output(index * size + j).at(root) for j in range(size)]
         if not slope < 0:
             raise UndecidedError("the guard's slope has no strict sign at the event: a graze", "graze")
@@ -222,7 +207,7 @@ class ValidatedFlow:
         if self._accumulating is not None:
             raise UndecidedError("another event occurs near the limit of accumulating impacts", "mode")
         box = tuple(self.points.hull())
-        entry, _ = entry_after(self.model, box, before, guard)
+        entry = entry_after(self.model, box, before, guard)
         self.enter(entry)
         return Hit(guard, before, entry.mode, box, rate)
 
@@ -261,11 +246,11 @@ class ValidatedFlow:
             return None
         impact, box = impact_of(self.model.system, index), self.points.hull()
         assert impact is not None
-        at = dict(zip(self.model.symbols, box, strict=True))
+        at = self.model.at(box)
         made = self.model.mode(after)
         own = next(g for g in made.guards if g.kind == "surface" and g.index == index)
         bend = enclose(made.lie_derivative(made.lie_derivative(own.expression)), at)
-        fall = enclose(self.model.system.numeric(impact.speed), dict(zip(self.model.symbols, arrived, strict=True)))
+        fall = enclose(self.model.system.numeric(impact.speed), self.model.at(arrived))
         time = time_to_rest(fall, speed, bend, arb(REMAINING * self.span))
         if time is None:
             return None
@@ -275,16 +260,16 @@ class ValidatedFlow:
         if any(j != index and old != new for j, (old, new) in enumerate(zip(before, after, strict=True))):
             raise UndecidedError("a surface changes its side with the impacts that accumulate", "mode")
         self._accumulating = index
-        return rest_after(self.model, index, after, speed, box) if time < FINAL * self.span else None
+        return Accumulation(self.model, index, after, speed, box).rest() if time < FINAL * self.span else None
 
     def _jump(self, jump: Jump) -> None:
         """Map the set through a jump of the state: the value at the centre, the derivative over the set."""
-        system, symbols = self.model.system, self.model.symbols
-        at, over = (dict(zip(symbols, box, strict=True)) for box in (self.points.centre, self.points.hull()))
-        states = [system.numeric(value) for value in jump.states]
+        symbols, (time, *_) = self.model.symbols, self.points.centre
+        at, over = self.model.at(self.points.centre), self.model.at(self.points.hull())
+        states = [self.model.system.numeric(value) for value in jump.states]
         rows = [[arb(int(j == 0)) for j in range(len(symbols))]]
         rows += [[enclose(sp.diff(value, x), over) for x in symbols] for value in states]
-        self._move([self.points.centre[0], *(enclose(value, at) for value in states)], rows)
+        self._move([time, *(enclose(value, at) for value in states)], rows)
 
     def _project(
         self,
@@ -320,17 +305,12 @@ class ValidatedFlow:
         self, centre: list[arb], derivative: list[list[arb]], offsets: Sequence[arb], on: tuple[int, ...]
     ) -> None:
         """Set each state for which a surface that is now exactly zero is solved."""
-        symbols = self.model.symbols
         for solved in self.model.solved(on):
             k = solved.index + 1
-            box = [c + _dot(r, offsets) for c, r in zip(centre, derivative, strict=True)]
-            centre[k] = enclose(solved.value, dict(zip(symbols, centre, strict=True)))
-            at = dict(zip(symbols, box, strict=True))
-            gradient = [enclose(g, at) for g in solved.gradient]
-            derivative[k] = [
-                sum((g * derivative[i][j] for i, g in enumerate(gradient) if i != k), arb(0))
-                for j in range(len(centre))
-            ]
+            over = self.model.at([c + _dot(r, offsets) for c, r in zip(centre, derivative, strict=True)])
+            centre[k] = enclose(solved.value, self.model.at(centre))
+            slopes = [(i, enclose(g, over)) for i, g in enumerate(solved.gradient) if i != k]
+            derivative[k] = [sum((g * derivative[i][j] for i, g in slopes), arb(0)) for j in range(len(centre))]
 
     def _move(self, centre: Sequence[arb], derivative: list[list[arb]]) -> None:
         matrix = arb_mat(derivative)

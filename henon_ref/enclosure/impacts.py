@@ -1,4 +1,6 @@
-"""Impacts of a set of states, and enclosures of the limit of accumulating impacts.
+"""Maps applied to a set of states at one instant, in a proven order, and the limit of accumulating impacts.
+
+The order of the maps is that of :mod:`henon_ref.modes.cascade`.
 
 While a body bounces, let h'' be in [-a2, -a1] (a1 > 0), let [r1, r2] contain the ratios of the speeds after and before
 an impact, and let q = sqrt(a2/a1). A flight with initial speed v lasts from 2 v / a2 to 2 v / a1 (h'' constant at its
@@ -15,12 +17,14 @@ from dataclasses import dataclass
 import sympy as sp
 from flint import arb
 
-from henon_ref.enclosure.balls import enclose, proves_zero
+from henon_ref.enclosure.balls import enclose, proves_zero, sign_of
+from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.enclosure.model import SystemModel, solve_for_states
-from henon_ref.modes.equations import Guard
+from henon_ref.modes.cascade import MOST, acting_groups
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resets import Impact, impact_of
+from henon_ref.modes.resets import Impact, Jump, impact_of, jump_of
+from henon_ref.text import listed
 
 ROOM = 4
 """Factor from the displacements that the present bounds allow to the next guess of the box."""
@@ -59,7 +63,7 @@ def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb |
     ratio = system.numeric(impact.ratio)
     if proves_zero(ratio):
         return arb(0)
-    at = dict(zip(model.symbols, arrived, strict=True))
+    at = model.at(arrived)
     speed: arb = enclose(ratio, at) * enclose(system.numeric(impact.speed), at)
     if speed.contains(0):
         name = system.sign_names[index]
@@ -67,8 +71,114 @@ def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb |
     return speed
 
 
-def rest_after(model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequence[arb]) -> Rest:
-    """Enclose the limit of accumulating impacts on a surface, where the body comes to rest.
+class ProvenMaps:
+    """Sequence of the maps applied at an instant.
+
+    Parameters
+    ----------
+    model : SystemModel
+    mode : Mode
+        Before the maps.
+    index : int
+        The surface that has fallen to zero.
+
+    Attributes
+    ----------
+    due : set of int
+        Surfaces whose maps have to be applied.
+    sides : list of int
+        Signs of the surfaces after the last map; 0 for a surface that the state is on.
+    speeds : dict
+        Surface -> enclosure of h', for surfaces that the state is on and whose h' a map has changed.
+    applied : list of int
+        Surfaces whose maps have been applied.
+    """
+
+    def __init__(self, model: SystemModel, mode: Mode, index: int) -> None:
+        self.model, self.mode = model, mode
+        self.due = {index}
+        self.sides = [0 if i == index else entry for i, entry in enumerate(mode)]
+        self.speeds: dict[int, arb] = {}
+        self.applied: list[int] = []
+        self._thrown: arb | None = None
+
+    def next(self, box: Sequence[arb]) -> Jump:
+        """Select the next jump, given an enclosure of (t, x) before it.
+
+        Raises
+        ------
+        UndecidedError
+            If several jumps may be first and their order may matter.
+        EndedError
+            If the limit of maps at one instant is reached.
+        """
+        system = self.model.system
+        resets, groups, names = system.resets, acting_groups(system), system.sign_names
+        if len(self.applied) >= MOST:
+            which = listed([names[i] for i in sorted(set(self.applied))])
+            raise EndedError(f"more than {MOST} maps at one instant: resets of {which}", "none")
+        lowest = min(resets[i].priority for i in self.due)
+        first, *others = sorted(i for i in self.due if resets[i].priority == lowest)
+        if tied := [i for i in others if groups[i] == groups[first]]:
+            which = listed([names[i] for i in (first, *tied)])
+            raise UndecidedError(f"several resets are due at one instant, and their order may matter: {which}", "mode")
+        self.due.remove(first)
+        self.applied.append(first)
+        self._thrown = speed_after(self.model, first, box) if self.sides[first] == 0 else None
+        return jump_of(system, first)
+
+    def after(self, jump: Jump, box: Sequence[arb]) -> None:
+        """Update sides, speeds and due maps after a jump, given an enclosure of (t, x) after it."""
+        model, system, index = self.model, self.model.system, self.applied[-1]
+        at = model.at(box)
+        for j, h in enumerate(model.surfaces):
+            if j in jump.kept:
+                continue
+            side = sign_of(enclose(h, at))
+            if side == 0:
+                raise UndecidedError(f"the side of {system.sign_names[j]} after the reset cannot be decided", "mode")
+            if j in system.resets and self.sides[j] > 0 > side:
+                self.due.add(j)
+            self.sides[j] = side
+            self.speeds.pop(j, None)
+        moved = {system.states[k] for k in jump.moved}
+        for j in sorted(system.resets):
+            impact = impact_of(system, j)
+            if j not in jump.kept or impact is None:
+                continue
+            if j == index and self.sides[j] == 0:
+                self.speeds[j] = self._rate(j, impact, at) if self._thrown is None else self._thrown
+            if j == index or not impact.speed.free_symbols & moved:
+                continue
+            if self.sides[j] == 0 and (self.mode[j] != 0 or system.rests(j)):
+                self._turn(j, impact, at)
+            elif self.sides[j] > 0 and enclose(model.surfaces[j], at).contains(0):
+                raise UndecidedError(f"whether the reset touches {system.sign_names[j]} cannot be decided", "mode")
+
+    def _turn(self, index: int, impact: Impact, at: dict[sp.Symbol, arb]) -> None:
+        """Record h' of a surface that the state is on, as changed by the map of another surface."""
+        rate = self._rate(index, impact, at)
+        sign = sign_of(rate)
+        falling = index in self.speeds and self.speeds[index] < 0
+        if sign < 0 and not (falling and index in self.applied):
+            self.due.add(index)
+        elif sign > 0 and not impact.refusal:
+            self.due.discard(index)
+        self.speeds[index] = rate
+
+    def _rate(self, index: int, impact: Impact, at: dict[sp.Symbol, arb]) -> arb:
+        """Enclose h' of a surface; its sign must be strict."""
+        system = self.model.system
+        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, self.mode, strict=True)}
+        rate: arb = enclose(system.numeric(impact.speed.xreplace(signs)), at)
+        if sign_of(rate) == 0:
+            name = system.sign_names[index]
+            raise UndecidedError(f"whether the state leaves {name} after the reset cannot be decided", "mode")
+        return rate
+
+
+class Accumulation:
+    """Accumulating impacts on a surface.
 
     Parameters
     ----------
@@ -81,38 +191,29 @@ def rest_after(model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequ
         h' after the last impact.
     box : sequence of arb
         Enclosure of (t, x) after the last impact.
-
-    Raises
-    ------
-    UndecidedError
-        If the limit is not proven.
     """
-    return _Limit(model, index, mode, speed, box).rest()
-
-
-class _Limit:
-    """Enclosure of the limit of accumulating impacts on one surface."""
 
     def __init__(self, model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequence[arb]) -> None:
         self.model, self.index, self.mode, self.speed, self.begin = model, index, mode, speed, list(box)
         impact = impact_of(model.system, index)
         assert impact is not None  # the surface has just reset a body's speed
-        self.impact: Impact = impact
+        self.impact = impact
         made = model.mode(mode)
         self.field, self.guards = made.field, made.guards
-        stuck = replaced(mode, index, 0)
-        self.stuck, self.held = stuck, model.mode(stuck).field
+        self.stuck = replaced(mode, index, 0)
         own = next(g for g in made.guards if g.kind == "surface" and g.index == index)
         self.bend = made.lie_derivative(made.lie_derivative(own.expression))
 
     def rest(self) -> Rest:
+        """Enclose the limit, where the body comes to rest; raise UndecidedError if it is not proven."""
         begin = self.begin
         box, time, change = self._kept()
         for guard in self.guards:
-            if not (guard.kind == "surface" and guard.index == self.index):
-                self._check(guard, box)
-        at = self._at(box)
-        fields, pushes = self._values(self.held, at), self._values(self.impact.push, at)
+            own = guard.kind == "surface" and guard.index == self.index
+            if not own and enclose(guard.expression, self.model.at(box)).contains(0):
+                raise self._open("another event is as close")
+        at = self.model.at(box)
+        fields, pushes = self._values(self.model.mode(self.stuck).field, at), self._values(self.impact.push, at)
         end = [
             x + time * rate - self.speed * push.mid() + 2 * change * push.rad() * UNIT_BALL
             for x, rate, push in zip(begin[1:], fields, pushes, strict=True)
@@ -120,7 +221,7 @@ class _Limit:
         settled = [begin[0] + time, *end]
         zeros = [self.model.surfaces[self.index], self.model.system.numeric(self.impact.speed)]
         for solved in solve_for_states(zeros, self.model.system.states):
-            settled[solved.index + 1] = enclose(solved.value, self._at(settled))
+            settled[solved.index + 1] = enclose(solved.value, self.model.at(settled))
         return Rest(self.stuck, tuple(settled))
 
     def _kept(self) -> tuple[list[arb], arb, arb]:
@@ -136,7 +237,7 @@ class _Limit:
 
     def _bounds(self, box: Sequence[arb]) -> tuple[arb, arb]:
         """Total time of all flights, and total change of h' by impacts, as long as the states are in a box."""
-        at = self._at(box)
+        at = self.model.at(box)
         pull = -enclose(self.bend, at)
         ratio = -enclose(self.model.system.numeric(self.impact.ratio), at)
         least, most = arb(pull.lower()), arb(pull.upper())
@@ -152,19 +253,12 @@ class _Limit:
 
     def _reached(self, box: Sequence[arb], time: arb, change: arb) -> list[arb]:
         """Enclose time and states reached within a time, as long as the states are in a box."""
-        at = self._at(box)
+        at = self.model.at(box)
         fields, pushes = self._values(self.field, at), self._values(self.impact.push, at)
         return [self.begin[0] + time * UNIT_BALL] + [
             x + (time * abs(rate) + change * abs(push)).upper() * UNIT_BALL
             for x, rate, push in zip(self.begin[1:], fields, pushes, strict=True)
         ]
-
-    def _check(self, guard: Guard, box: Sequence[arb]) -> None:
-        if enclose(guard.expression, self._at(box)).contains(0):
-            raise self._open("another event is as close")
-
-    def _at(self, box: Sequence[arb]) -> dict[sp.Symbol, arb]:
-        return dict(zip(self.model.symbols, box, strict=True))
 
     def _values(self, expressions: Sequence[sp.Expr], at: dict[sp.Symbol, arb]) -> list[arb]:
         return [enclose(self.model.system.numeric(e), at) for e in expressions]

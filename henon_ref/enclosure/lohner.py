@@ -37,8 +37,8 @@ class PointSet:
     @classmethod
     def box(cls, enclosures: Sequence[arb]) -> PointSet:
         size = len(enclosures)
-        axes = arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
-        return cls(tuple(b.mid() for b in enclosures), axes, tuple(b.rad() for b in enclosures), (0.0,) * size)
+        centre, radii = tuple(b.mid() for b in enclosures), tuple(b.rad() for b in enclosures)
+        return cls(centre, diagonal([1] * size), radii, (0.0,) * size)
 
     def scaled(self, sizes: Sequence[float]) -> PointSet:
         """Return the set with larger scales; scales only grow, by powers of two.
@@ -54,17 +54,15 @@ class PointSet:
 
     def deviations(self, rows: arb_mat) -> list[arb]:
         """Enclosures of ``rows @ (X - centre)`` over the set."""
-        product = rows * self.axes
-        return [sum((product[i, j] * r for j, r in enumerate(self._spans())), arb(0)) for i in range(product.nrows())]
-
-    def _spans(self) -> list[arb]:
-        return [r * UNIT_BALL for r in self.radii]
+        return self._spread(rows * self.axes)
 
     def hull(self) -> list[arb]:
         """Box around the set."""
-        size = len(self.centre)
-        with_axes = (sum((self.axes[i, j] * r for j, r in enumerate(self._spans())), arb(0)) for i in range(size))
-        return [c + d for c, d in zip(self.centre, with_axes, strict=True)]
+        return [c + d for c, d in zip(self.centre, self._spread(self.axes), strict=True)]
+
+    def _spread(self, axes: arb_mat) -> list[arb]:
+        spans = [r * UNIT_BALL for r in self.radii]
+        return [sum((axes[i, j] * r for j, r in enumerate(spans)), arb(0)) for i in range(axes.nrows())]
 
     def moved(self, centre: Sequence[arb], derivative: arb_mat) -> PointSet:
         """Return the image of the set under a map, from enclosures of its value at the centre and its derivative.
@@ -104,6 +102,10 @@ def _axes(spread: arb_mat, radii: Sequence[arb], scales: Sequence[float]) -> tup
     order = np.argsort(-np.linalg.norm(matrix, axis=0), kind="stable")
     q, _ = np.linalg.qr(matrix[:, order])
     turn = arb_mat([[arb(float(value)) for value in row] for row in q])
-    stretch = arb_mat(size, size, [units[i] if i == j else 0 for i in range(size) for j in range(size)])
-    shrink = arb_mat(size, size, [1 / units[i] if i == j else 0 for i in range(size) for j in range(size)])
-    return stretch * turn, turn.inv() * shrink
+    return diagonal(units) * turn, turn.inv() * diagonal([1 / unit for unit in units])
+
+
+def diagonal(entries: Sequence[arb | int]) -> arb_mat:
+    """Diagonal matrix with these entries."""
+    size = len(entries)
+    return arb_mat(size, size, [entry if i == j else 0 for i, entry in enumerate(entries) for j in range(size)])

@@ -25,8 +25,8 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, into_surface
 
 
-def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[int, ...]]:
-    """Select the mode at the start; also return the surfaces that the start is on.
+def initial_entry(model: SystemModel, problem: Problem) -> Entry:
+    """Select the mode at the start.
 
     Raises
     ------
@@ -37,16 +37,16 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
     """
     system = problem.system
     numbers = [system.numeric(e) for e in (problem.start, *problem.initial)]
-    at = Identities(dict(zip(model.symbols, numbers, strict=True)))
+    at = Identities(model.at(numbers))
     box = [enclose(e) for e in numbers]
     for expression in system.valid:
-        if enclose(system.numeric(expression), dict(zip(model.symbols, box, strict=True))) < 0:
+        if enclose(system.numeric(expression), model.at(box)) < 0:
             raise EndedError(f"the model does not hold at the start: {expression} < 0", "invalid")
     mode: list[int] = []
     on: list[int] = []
     without_value: list[int] = []
     for i, h in enumerate(model.surfaces):
-        value = enclose(h, dict(zip(model.symbols, box, strict=True)))
+        value = enclose(h, model.at(box))
         sign = 1 if i in system.kinks and not value.is_finite() else sign_of(value)
         if sign == 0:
             if not at.vanishes(h):
@@ -69,7 +69,7 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
         speed = sp.Integer(0) if impact is None else system.numeric(impact.speed)
         if at.vanishes(speed):
             continue
-        mode[i] = sign_of(enclose(speed, dict(zip(model.symbols, box, strict=True))))
+        mode[i] = sign_of(enclose(speed, model.at(box)))
         if mode[i] == 0:
             raise UndecidedError(f"whether the start leaves {system.sign_names[i]} cannot be decided", "start")
         refuse_into_surface(model, mode, (i,), box)
@@ -78,9 +78,9 @@ def initial_entry(model: SystemModel, problem: Problem) -> tuple[Entry, tuple[in
     if open_ones:
         entry = judge.unique(tuple(mode), open_ones)
         refuse_into_surface(model, entry.mode, open_ones, box)
-        return entry, tuple(on)
+        return entry
     refusal = "the mode given for the start is not kept by its own field"
-    return judge.fixed(tuple(mode), refusal, attracting=False), tuple(on)
+    return judge.fixed(tuple(mode), refusal, attracting=False)
 
 
 def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[int], box: Sequence[arb]) -> None:
@@ -90,8 +90,8 @@ def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[in
             raise EndedError(into_surface(model.system.sign_names[i], box[0].str(17, radius=False)), "invalid")
 
 
-def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> tuple[Entry, tuple[int, ...]]:
-    """Select the mode after one guard fell through zero; also return the surfaces that the state is exactly on.
+def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> Entry:
+    """Select the mode after one guard fell through zero.
 
     Parameters
     ----------
@@ -115,13 +115,13 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
         released_by = [hit.expression] if hit.kind == "release" else []
         judge = Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))
         if hit.kind == "surface" and system.rests(hit.index):  # reached from the side on which no body can rest
-            return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left"), on
-        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on))), slipped_by(system, [hit])), on
+            return judge.fixed(replaced(mode, hit.index, hit.to_sign), "the surface is not left")
+        return judge.unique(mode, tuple(sorted(system.in_play([hit.index], on))), slipped_by(system, [hit]))
     released = replaced(mode, hit.index, hit.to_sign)
     identities = _identities(model, on, (), hit.expression)
     smooth = None if hit.index in system.overrides else hit.index
     judge = Judge(model, box, on, identities, smooth)
-    return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once"), on
+    return judge.fixed(released, f"the release into {mode_text(released, system.sign_names)} leads back at once")
 
 
 def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int], speeds: Mapping[int, arb]) -> Entry:
@@ -137,7 +137,7 @@ def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int
     speeds : mapping
         h' of those surfaces of which a map has changed h'; exactly 0 after an impact without rebound.
     """
-    system, at = model.system, dict(zip(model.symbols, box, strict=True))
+    system, at = model.system, model.at(box)
     for expression in system.valid:
         value = enclose(system.numeric(expression), at)
         if value < 0:

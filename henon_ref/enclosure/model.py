@@ -12,8 +12,10 @@ from flint import arb
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.tape import Program
+from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import impact_of
+from henon_ref.modes.resets import impact_of, settled_state
+from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
@@ -107,9 +109,7 @@ class ModeModel:
         return [arb(1), *(enclose(f, values) for f in self.field)]
 
     def lie_derivative(self, expression: sp.Expr) -> sp.Expr:
-        return sp.diff(expression, TIME) + sp.Add(
-            *(sp.diff(expression, x) * f for x, f in zip(self.states, self.field, strict=True))
-        )
+        return along(expression, self.states, self.field)
 
 
 def _varied(gradient: Mapping[int, sp.Expr], column: Sequence[sp.Symbol], j: int) -> sp.Expr:
@@ -125,21 +125,20 @@ class SystemModel:
         self.system = system
         self.surfaces = tuple(system.numeric(h) for h in system.surfaces)
         self.symbols: tuple[sp.Symbol, ...] = (TIME, *system.states)
-        self._modes: dict[Mode, ModeModel] = {}
-        self._solved: dict[tuple[int, ...], list[SolvedState]] = {}
 
+    def at(self, box: Sequence[arb]) -> dict[sp.Symbol, arb]:
+        """Values of the symbols at a point or over a box in (t, x)."""
+        return dict(zip(self.symbols, box, strict=True))
+
+    @kept
     def mode(self, mode: Mode) -> ModeModel:
-        """Return the cached model of a mode; raise ModelError if the mode has no equations."""
-        if mode not in self._modes:
-            self._modes[mode] = ModeModel(self.system, mode)
-        return self._modes[mode]
+        """Return the model of a mode; raise ModelError if the mode has no equations."""
+        return ModeModel(self.system, mode)
 
-    def solved(self, surfaces: Sequence[int]) -> list[SolvedState]:
+    @kept
+    def solved(self, surfaces: tuple[int, ...]) -> list[SolvedState]:
         """Return the states that are determined exactly while these surfaces are zero."""
-        key = tuple(surfaces)
-        if key not in self._solved:
-            self._solved[key] = solve_for_states([self.surfaces[i] for i in key], self.system.states)
-        return self._solved[key]
+        return solve_for_states([self.surfaces[i] for i in surfaces], self.system.states)
 
 
 def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[SolvedState]:
@@ -148,11 +147,7 @@ def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> l
     for zero in zeros:
         for known in found:
             zero = sp.expand(zero.xreplace({states[known.index]: known.value}))
-        for k, x in enumerate(states):
-            slope = sp.diff(zero, x)
-            if slope != 0 and not slope.free_symbols:
-                value = sp.expand(-(zero - slope * x) / slope)
-                gradient = (sp.diff(value, TIME), *(sp.diff(value, y) for y in states))
-                found.append(SolvedState(k, value, gradient))
-                break
+        for x, value in settled_state(zero, states).items():
+            gradient = (sp.diff(value, TIME), *(sp.diff(value, y) for y in states))
+            found.append(SolvedState(states.index(x), value, gradient))
     return found

@@ -9,20 +9,17 @@ starts in a stick is the fixed point of a scalar map.
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf, log2
 
-import sympy as sp
 from flint import acb, arb, arb_mat
 
 from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
+from henon_ref.enclosure.lohner import diagonal
 from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
-from henon_ref.enclosure.run import certify
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 
@@ -30,8 +27,6 @@ NEWTON_STEPS = 12
 """Largest number of Newton steps; the correct digits double per step, so five suffice from eight digits."""
 SPARE_BITS = 56
 """Working precision beyond the requested radius, for the error growth of one evaluation of the return map."""
-SETTLED_RADIUS = 1e-8
-"""Radius of the certified run towards the orbit, accurate enough to start Newton's method."""
 FIRST_BITS = 80
 """Precision of the first Newton steps, whose points are less accurate than it."""
 BOXES = 4
@@ -67,7 +62,6 @@ class PeriodicOrbit:
     unique_in: tuple[arb, ...]
     """Box of free coordinates that contains no other fixed point."""
     bits: int
-    seconds: float
 
     def durations(self, mode: Mode) -> list[arb]:
         """Durations of the visits to a mode [s], ordered by entry time; the last visit may include the start."""
@@ -94,7 +88,6 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
     OrbitError
         If Newton's method does not converge, or no box is proven to contain a fixed point.
     """
-    begun = clock.monotonic()
     returned = ReturnMap(system, guess)
     bits = ceil(-log2(radius)) + SPARE_BITS
     try:
@@ -105,28 +98,7 @@ def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float =
         raise OrbitError(f"the return map near the guess is not smooth or not provable: {stop.reason}") from stop
     if not worst <= radius:
         raise OrbitError(f"the orbit is proven only to a radius of {worst:.3g}; request a smaller radius")
-    return PeriodicOrbit(**{**found.__dict__, "seconds": clock.monotonic() - begun})
-
-
-def settled_guess(problem: Problem, *, period: sp.Expr | None = None, events: int | None = None) -> Guess:
-    """Return a guess from the end of a run: the state at the horizon, or with ``events`` after the last event.
-
-    Parameters
-    ----------
-    problem : Problem
-        Its run is certified to a low accuracy; the orbit starts at the horizon.
-    period, events
-        As in :class:`Guess`.
-    """
-    run = certify(problem, radius=SETTLED_RADIUS)
-    if run.status != "certified" or run.mode is None:
-        raise OrbitError(f"the run towards the orbit is not provable: {run.reason}")
-    if events is None:
-        return Guess(problem.until, tuple(float(c) for c in run.state), run.mode, period=period)
-    last = run.transitions[-1]
-    tangent = last.kind == "release" and last.surface not in problem.system.overrides
-    state = tuple(float(c) for c in last.state)
-    return Guess(problem.start, state, last.to_mode, events=events, surface=last.surface, tangent=tangent)
+    return found
 
 
 class _Search:
@@ -145,7 +117,7 @@ class _Search:
                 break
             inverse = slope.mid().inv().mid()
             away = arb_mat(size, 1, [b - p for b, p in zip(box, point, strict=True)])
-            moved = (_unit(size) - inverse * slope) * away - inverse * arb_mat(size, 1, residual)
+            moved = (diagonal([1] * size) - inverse * slope) * away - inverse * arb_mat(size, 1, residual)
             krawczyk = [p + moved[i, 0] for i, p in enumerate(point)]
             if all(b.contains_interior(k) for b, k in zip(box, krawczyk, strict=True)):
                 return self._describe(krawczyk, box)
@@ -158,7 +130,7 @@ class _Search:
         floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
         half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
         box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
-        return box, _unit(len(box)) - self.returned(box, self.bits, sharp=True).derivative
+        return box, diagonal([1] * len(box)) - self.returned(box, self.bits, sharp=True).derivative
 
     def _refuse_singular(self, point: Sequence[arb], correction: Sequence[arb]) -> None:
         """Raise OrbitError if the derivative of x - P(x) is singular near a point that the map hardly moves."""
@@ -177,7 +149,7 @@ class _Search:
                 made = self.returned(point, bits, sharp=False)
                 residual = arb_mat(len(point), 1, [p - q for p, q in zip(point, made.end, strict=True)])
                 try:
-                    step = (_unit(len(point)) - made.derivative).mid().solve(residual.mid())
+                    step = (diagonal([1] * len(point)) - made.derivative).mid().solve(residual.mid())
                 except ZeroDivisionError:
                     raise OrbitError(SINGULAR) from None
                 correction = [step[i, 0].mid() for i in range(len(point))]
@@ -205,12 +177,7 @@ class _Search:
             dimension=len(self.returned.free),
             unique_in=tuple(box),
             bits=self.bits,
-            seconds=0.0,
         )
-
-
-def _unit(size: int) -> arb_mat:
-    return arb_mat(size, size, [int(i == j) for i in range(size) for j in range(size)])
 
 
 def _eigenvalues(matrix: arb_mat) -> tuple[acb, ...]:

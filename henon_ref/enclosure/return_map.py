@@ -18,8 +18,8 @@ from flint import arb, arb_mat
 
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.consistency import Entry
-from henon_ref.enclosure.fallen_guard import Hit
-from henon_ref.enclosure.flow import Precision, ValidatedFlow
+from henon_ref.enclosure.event import Hit
+from henon_ref.enclosure.flow import ValidatedFlow
 from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
@@ -58,11 +58,6 @@ class Guess:
     """With ``events``: the start is a release, at which the surface's normal velocity is zero too."""
     reset: bool = False
     """With ``events``: the start is just after the surface has reset the state, possibly to a state off the surface."""
-
-    def lies_on(self, system: FilippovSystem) -> int | None:
-        """Return the surface that the start is on because of its event."""
-        leads_off = self.reset and self.surface is not None and impact_of(system, self.surface) is None
-        return None if leads_off else self.surface
 
 
 @dataclass(frozen=True)
@@ -104,7 +99,9 @@ class ReturnMap:
         self.model, self.guess = SystemModel(system), guess
         _check_repeats(system, guess)
         on = {i for i, s in enumerate(guess.mode) if s == 0}
-        self.section = guess.lies_on(system)
+        leads_off = guess.reset and guess.surface is not None and impact_of(system, guess.surface) is None
+        self.section = None if leads_off else guess.surface
+        """The surface that the start is on because of its event."""
         if self.section is not None:
             on.add(self.section)
         rests = [impact_of(system, i) for i in sorted(on) if guess.mode[i] == 0 and system.rests(i)]
@@ -126,8 +123,7 @@ class ReturnMap:
         ``sharp``: the derivative is accurate to all digits, not only enough to propagate a radius.
         """
         state = self._state(free)
-        precision = Precision.of(bits, sharp_tangent=sharp)
-        flow = ValidatedFlow(self.model, PointSet.box([self.time, *state]), self._entry(), precision)
+        flow = ValidatedFlow(self.model, PointSet.box([self.time, *state]), self._entry(), bits, sharp=sharp)
         begin = flow.points.hull()
         events: list[Hit] = []
         period = self.guess.period
@@ -166,12 +162,12 @@ class ReturnMap:
         for i, value in zip(self.free, free, strict=True):
             state[i] = value
         for solved in reversed(self.solved):
-            state[solved.index] = enclose(solved.value, dict(zip(self.model.symbols, (self.time, *state), strict=True)))
+            state[solved.index] = enclose(solved.value, self.model.at((self.time, *state)))
         return state
 
     def _derivative(self, whole: arb_mat, at: Sequence[arb]) -> arb_mat:
         """Derivative in free coordinates, by the chain rule through the solved states."""
-        values = dict(zip(self.model.symbols, at, strict=True))
+        values = self.model.at(at)
         columns: list[list[arb]] = []
         for i in self.free:
             column = [arb(int(k == i + 1)) for k in range(len(at))]

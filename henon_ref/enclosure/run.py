@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log2
 from typing import Literal
@@ -13,8 +13,8 @@ from flint import arb
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UndecidedError
-from henon_ref.enclosure.fallen_guard import Hit
-from henon_ref.enclosure.flow import Precision, ValidatedFlow
+from henon_ref.enclosure.event import Hit
+from henon_ref.enclosure.flow import ValidatedFlow
 from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.mode_selection import initial_entry
 from henon_ref.enclosure.model import SystemModel
@@ -39,7 +39,8 @@ CROWD, CROWDED = 16, 1e-9
 """Events count as accumulating if ``CROWD`` of them are within the part ``CROWDED`` of the run."""
 
 Ended = Literal["horizon", "invalid", "nonunique", "none", "undecided", "budget"]
-Progress = Callable[[float, int], None]
+Progress = Callable[[float], None]
+"""Called with the part of the run that is done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +75,6 @@ class CertifiedRun:
     state: tuple[arb, ...]
     mode: Mode | None
     bits: int
-    order: int
-    steps: int
-    seconds: float
-    """Wall time of all attempts."""
 
     @property
     def radius(self) -> float:
@@ -86,13 +83,7 @@ class CertifiedRun:
 
 
 def certify(
-    problem: Problem,
-    *,
-    radius: float = 1e-30,
-    bits: int | None = None,
-    progress: Progress | None = None,
-    deadline: float | None = None,
-    max_transitions: int = MAX_TRANSITIONS,
+    problem: Problem, *, radius: float = 1e-30, progress: Progress | None = None, deadline: float | None = None
 ) -> CertifiedRun:
     """Prove every transition of a problem, with enclosures of its time and state.
 
@@ -104,14 +95,9 @@ def certify(
     problem : Problem
     radius : float
         Required radius of every transition time [s].
-    bits : int, optional
-        Initial working precision; by default chosen from the radius.
     progress : callable, optional
-        Called with (time reached, transitions so far) after every step.
     deadline : float, optional
         Time limit [s of wall time], after which the run stops with ``ended = "budget"`` and the part proven so far.
-    max_transitions : int
-        Number of transitions at which the run stops with ``ended = "budget"``.
 
     Returns
     -------
@@ -122,22 +108,18 @@ def certify(
     UnsupportedError
         If too many contacts with static friction act on each other at once.
     """
-    begun = clock.monotonic()
-    until = None if deadline is None else begun + deadline
+    until = None if deadline is None else clock.monotonic() + deadline
     model = SystemModel(problem.system)
     horizon = max(1.0, *(abs(float(problem.system.numeric(e))) for e in (problem.start, problem.until)))
-    bits = bits if bits is not None else ceil(log2(horizon / radius)) + SPARE_BITS
+    bits = ceil(log2(horizon / radius)) + SPARE_BITS
     last: CertifiedRun | None = None
     for attempt in range(ATTEMPTS):
         with working_precision(bits):
-            run = _Attempt(model, problem, bits, progress, until, max_transitions).run()
-        final = attempt == ATTEMPTS - 1 or run.ended == "budget"
-        stuck = last is not None and run.ended == last.ended == "undecided"
-        stuck = stuck and last is not None and len(run.transitions) == len(last.transitions)
-        if run.radius <= radius and (run.ended != "undecided" or stuck or final):
-            return replace(run, seconds=clock.monotonic() - begun)
-        if final:
-            return replace(_trimmed(run, radius), seconds=clock.monotonic() - begun)
+            run = _Attempt(model, problem, bits, progress, until).run()
+        again = last is not None and run.ended == last.ended and len(run.transitions) == len(last.transitions)
+        decided = run.ended != "undecided" or again
+        if run.ended == "budget" or attempt == ATTEMPTS - 1 or (run.radius <= radius and decided):
+            return _trimmed(run, radius)
         lost = log2(max(run.radius, 2.0**-bits) / radius)
         bits += max(ceil(lost) + 8, bits // 2 if run.ended == "undecided" else 8)
         last = run
@@ -146,10 +128,8 @@ def certify(
 
 def _trimmed(run: CertifiedRun, radius: float) -> CertifiedRun:
     """Return the part of a run that meets the radius, as not provable beyond it."""
-    good = 0
-    while good < len(run.transitions) and float(run.transitions[good].time.rad()) <= radius:
-        good += 1
-    if good == len(run.transitions):
+    good = next((k for k, t in enumerate(run.transitions) if float(t.time.rad()) > radius), None)
+    if good is None:
         return run
     reason = f"the radius {radius:.3g} is not met from transition {good} on at {run.bits} bits"
     reached = run.transitions[good - 1].time if good else run.time
@@ -164,18 +144,10 @@ class _Attempt:
     """One run at one precision, which must be the working precision."""
 
     def __init__(
-        self,
-        model: SystemModel,
-        problem: Problem,
-        bits: int,
-        progress: Progress | None,
-        until: float | None,
-        max_transitions: int,
+        self, model: SystemModel, problem: Problem, bits: int, progress: Progress | None, until: float | None
     ) -> None:
-        self.model, self.problem, self.progress, self.until = model, problem, progress, until
+        self.model, self.problem, self.bits, self.progress, self.until = model, problem, bits, progress, until
         self.allowed = 0.0 if until is None else until - clock.monotonic()
-        self.max_transitions = max_transitions
-        self.precision = Precision.of(bits)
         self.transitions: list[EnclosedTransition] = []
         numeric = problem.system.numeric
         self.horizon = enclose(numeric(problem.until))
@@ -184,55 +156,51 @@ class _Attempt:
 
     def run(self) -> CertifiedRun:
         try:
-            entry, _ = initial_entry(self.model, self.problem)
-            unit = 2.0 ** max(
-                -1000, min(1000, round(log2(max(float(abs(self.horizon - self.start[0]).upper()), 1e-300))))
-            )
-            span = float(abs(self.horizon - self.start[0]).mid())
-            self.flow = ValidatedFlow(self.model, PointSet.box(self.start), entry, self.precision, min(unit, 1.0), span)
+            entry = initial_entry(self.model, self.problem)
+            length = abs(self.horizon - self.start[0])
+            unit = 2.0 ** max(-1000, min(0, round(log2(max(float(length.upper()), 1e-300)))))
+            points, span = PointSet.box(self.start), float(length.mid())
+            self.flow = ValidatedFlow(self.model, points, entry, self.bits, unit=unit, span=span)
             reason = self._advance(self.flow)
         except UndecidedError as stop:
             # If events accumulate, a higher precision only proves a few more of them.
             crowded = self._crowded()
-            return self._result("not provable", "budget" if crowded else "undecided", crowded + stop.reason)
+            return self._result("budget" if crowded else "undecided", crowded + stop.reason)
         except EndedError as stop:
-            certified = stop.ended == "invalid" and self.flow is not None
-            return self._result("certified" if certified else "not provable", stop.ended, stop.reason)
-        return self._result("not provable", "budget", reason) if reason else self._result("certified", "horizon", "")
+            return self._result(stop.ended, stop.reason)
+        return self._result("budget" if reason else "horizon", reason)
 
     def _advance(self, flow: ValidatedFlow) -> str:
         """Propagate to the horizon; return why it was not reached, or an empty text."""
-        begin = float(self.start[0].mid())
-        while not flow.done:
+        begin, length = float(self.start[0].mid()), float(self.horizon) - float(self.start[0].mid())
+        while True:
             before = flow.points.centre[0]
             hit = flow.step(self.horizon)
             if hit is not None:
                 self._record(hit)
+            if flow.done:
+                return ""
             now = flow.points.centre[0]
+            passed, at = float(now) - begin, f"t = {now.str(17, radius=False)}"
             if self.progress is not None:
-                self.progress(float(now), len(self.transitions))
-            if len(self.transitions) >= self.max_transitions:
-                return f"stopped after {self.max_transitions} transitions, at t = {now.str(17, radius=False)}"
-            stalled = float(now - before) < SHORTEST * max(float(now) - begin, float(self.horizon) - begin)
-            if flow.steps >= MAX_STEPS or (stalled and not flow.done):
-                return (
-                    f"steps become too short at t = {now.str(17, radius=False)}: the solution runs into a singularity"
-                )
+                self.progress(passed / length)
+            if len(self.transitions) >= MAX_TRANSITIONS:
+                return f"stopped after {MAX_TRANSITIONS} transitions, at {at}"
+            if flow.steps >= MAX_STEPS or float(now - before) < SHORTEST * max(passed, length):
+                return f"steps become too short at {at}: the solution runs into a singularity"
             if self.until is not None and (left := self.until - clock.monotonic()) < (1 - EARLY) * self.allowed:
                 if left < 0:
-                    return f"the deadline passed at t = {now.str(17, radius=False)}"
-                if float(now) - begin < FAR * (float(self.horizon) - begin):
-                    return f"the deadline would pass before the end, at the pace up to t = {now.str(17, radius=False)}"
-        return ""
+                    return f"the deadline passed at {at}"
+                if passed < FAR * length:
+                    return f"the deadline would pass before the end, at the pace up to {at}"
 
     def _crowded(self) -> str:
         """Prefix of the reason if the last events accumulate, else an empty text."""
         if len(self.transitions) < CROWD:
             return ""
-        spread = self.transitions[-1].time - self.transitions[-CROWD].time
-        if not spread < CROWDED * abs(self.horizon - self.start[0]):
-            return ""
-        return f"events accumulate at t = {self.transitions[-1].time.str(12, radius=False)}: "
+        last = self.transitions[-1].time
+        crowded = last - self.transitions[-CROWD].time < CROWDED * abs(self.horizon - self.start[0])
+        return f"events accumulate at t = {last.str(12, radius=False)}: " if crowded else ""
 
     def _record(self, hit: Hit) -> None:
         """Record one transition for every surface whose entry changes, in the order of the surfaces."""
@@ -247,7 +215,7 @@ class _Attempt:
         before: Mode,
         after: Mode,
         box: tuple[arb, ...],
-        applied: tuple[tuple[int, tuple[arb, ...]], ...] = (),
+        applied: Sequence[tuple[int, tuple[arb, ...]]] = (),
     ) -> None:
         rows: list[tuple[int, int | None]]
         if applied:
@@ -259,18 +227,17 @@ class _Attempt:
             own = box if place is None else applied[place][1]
             self.transitions.append(EnclosedTransition(kind, i, before, after, box[0], own[1:], hit.rate))
 
-    def _result(self, status: Literal["certified", "not provable"], ended: Ended, reason: str) -> CertifiedRun:
-        box = self.flow.points.hull() if self.flow is not None else self.start
+    def _result(self, ended: Ended, reason: str) -> CertifiedRun:
+        flow = self.flow
+        certified = ended == "horizon" or (ended == "invalid" and flow is not None)
+        box = self.start if flow is None else flow.points.hull()
         return CertifiedRun(
-            status,
-            ended,
-            reason,
-            tuple(self.transitions),
-            box[0],
-            tuple(box[1:]),
-            self.flow.mode if self.flow is not None else None,
-            self.precision.bits,
-            self.precision.order,
-            self.flow.steps if self.flow is not None else 0,
-            0.0,
+            status="certified" if certified else "not provable",
+            ended=ended,
+            reason=reason,
+            transitions=tuple(self.transitions),
+            time=box[0],
+            state=tuple(box[1:]),
+            mode=None if flow is None else flow.mode,
+            bits=self.bits,
         )

@@ -17,14 +17,13 @@ multiplied by a factor that exceeds all its rounding errors.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.enclosure.tape import Operation, Program, Series
+from henon_ref.enclosure.tape import Program, Series
 from henon_ref.taylor.rules import (
     RULES,
     IntegralOfProduct,
@@ -35,6 +34,7 @@ from henon_ref.taylor.rules import (
     Quotient,
     Root,
 )
+from henon_ref.taylor.tape import Node
 
 RAISE = 1 + 2.0**-36
 """Factor above the relative rounding error of a few thousand operations on non-negative doubles."""
@@ -52,42 +52,35 @@ def magnitudes(series: Sequence[Series]) -> NDArray[np.float64]:
     return np.array([[float(c.abs_upper()) for c in row] for row in series]) * RAISE + TINY
 
 
-@dataclass(frozen=True)
-class _Static:
-    """The part of an operation's tail bound that does not depend on the tails of the states."""
-
-    norm: float
-    """Norm of the operation's polynomial."""
-    spill: float = 0.0
-    """Norm of the orders above N of the products of polynomials in the operation."""
-    slope: float = 0.0
-    """Bound q with ``|int a' u| <= q |u|`` for u of orders above N (the tail of a is excluded)."""
-
-
 def _spill(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     """Norm of the orders above N of the product of two polynomials, given by their terms ``|a_k| R^k``."""
     beyond = np.cumsum(b[::-1])
     return float(np.dot(a[1:], beyond[:-1]))
 
 
-def _static(operation: Operation, own: NDArray[np.float64], terms: NDArray[np.float64]) -> _Static:
+def _static(operation: Node, own: NDArray[np.float64], terms: NDArray[np.float64]) -> tuple[float, float, float]:
+    """The part of an operation's tail bound that does not depend on the tails of the states: norm, spill, slope.
+
+    The norm of the operation's polynomial; the norm of the orders above N of the products of polynomials in the
+    operation; and a bound q with ``|int a' u| <= q |u|`` for u of orders above N (the tail of a is excluded).
+    """
     order = len(own) - 1
     norm = float(np.sum(own))
-    args, rule = operation.args, RULES.get(operation.op)
-    match rule:
+    args = operation.args
+    match RULES.get(operation.op):
         case Product():
-            return _Static(norm, _spill(terms[args[0]], terms[args[-1]]))
+            return norm, _spill(terms[args[0]], terms[args[-1]]), 0.0
         case Quotient():
-            return _Static(norm, _spill(own, terms[args[0]]))
+            return norm, _spill(own, terms[args[0]]), 0.0
         case Root():
-            return _Static(norm, _spill(own, own), _spill(own, terms[args[1]]))
+            return norm, _spill(own, own), _spill(own, terms[args[1]])
         case Power() | IntegralOfProduct() | IntegralOfQuotient():
             # (int a' q)_n = sum (i/n) a_i q_{n-i}: i/n <= i/(N+1) above N, and i/(i+N+1) where q is a tail.
             index = np.arange(order + 1)
             a = terms[args[0]]
             factor = terms[args[1]] if args[1:] else own
-            return _Static(norm, _spill(a * index / (order + 1), factor), float(np.dot(a, index / (index + order + 1))))
-    return _Static(norm)
+            return norm, _spill(a * index / (order + 1), factor), float(np.dot(a, index / (index + order + 1)))
+    return norm, 0.0, 0.0
 
 
 class Tails:
@@ -109,7 +102,8 @@ class Tails:
             else []
             for o in program.operations
         ]
-        self.static = [_raised(_static(o, terms[i], terms)) for i, o in enumerate(program.operations)]
+        static = zip(*(_static(o, terms[i], terms) for i, o in enumerate(program.operations)), strict=True)
+        self.norm, self.spill, self.slope = ([value * RAISE + TINY for value in own] for own in static)
         self.last = [float(terms[i][-1]) for i in program.field]
 
     def inner_norm(self, index: int) -> float:
@@ -150,8 +144,8 @@ class Tails:
                 return [inf] * len(self.program.operations)
         return tails
 
-    def _tail(self, index: int, operation: Operation, tails: list[float]) -> float:
-        args, own = operation.args, self.static[index]
+    def _tail(self, index: int, operation: Node, tails: list[float]) -> float:
+        args, norm, spill = operation.args, self.norm, self.spill[index]
         if not args:  # a constant, or the clock
             return 0.0
         a = tails[args[0]]
@@ -164,58 +158,44 @@ class Tails:
                 return (a + tails[args[1]]) * RAISE
             case Product():
                 b = tails[args[-1]]
-                na, nb = self.static[args[0]].norm, self.static[args[-1]].norm
-                return (own.spill + na * b + nb * a + a * b) * RAISE
+                return (spill + norm[args[0]] * b + norm[args[-1]] * a + a * b) * RAISE
             case Quotient():
                 # v = y/c: 1 - v b has orders above N only; Neumann's series gives the rest of 1/b.
-                defect = (own.spill + own.norm * a) / self.constants[index][0][0] * RAISE
-                return own.norm * defect / (1 - defect) * RAISE if defect < 0.5 else inf
+                defect = (spill + norm[index] * a) / self.constants[index][0][0] * RAISE
+                return norm[index] * defect / (1 - defect) * RAISE if defect < 0.5 else inf
             case Root():
-                return self._root(own, self.static[args[1]].norm, a)
+                # u = v (t - u^2)/2 + (1 - v y) u with v the polynomial of 1/y and t = a - y^2, both above N.
+                inverse, defect = norm[args[1]], self.slope[index]
+                rest = inverse * (a + spill) / 2
+                return _fixed(lambda u: rest + inverse * u * u / 2 + defect * u, lambda u: inverse * u + defect)
             case Power() | IntegralOfProduct() | IntegralOfQuotient():
                 return self._integral(index, operation, tails)
 
-    @staticmethod
-    def _root(own: _Static, inverse: float, a: float) -> float:
-        """u = v (t - u^2)/2 + (1 - v y) u with v the polynomial of 1/y and t = a - y^2, both above N."""
-        defect = own.slope
-        rest = inverse * (a + own.spill) / 2
-        return _fixed(lambda u: rest + inverse * u * u / 2 + defect * u, lambda u: inverse * u + defect)
-
-    def _integral(self, index: int, operation: Operation, tails: list[float]) -> float:
+    def _integral(self, index: int, operation: Node, tails: list[float]) -> float:
         """Tail of ``int a' factor``."""
-        rule, args, own = RULES[operation.op], operation.args, self.static[index]
-        a = tails[args[0]]
-        q = own.slope + a
-        factor = self.static[args[1]].norm if args[1:] else own.norm
-        rest = own.spill + a * factor
+        rule, args, norm = RULES[operation.op], operation.args, self.norm
+        a, own = tails[args[0]], norm[index]
+        q = self.slope[index] + a
+        rest = self.spill[index] + a * (norm[args[1]] if args[1:] else own)
         match rule:
             case IntegralOfQuotient():
                 return (rest + q * tails[args[1]]) * RAISE
             case IntegralOfProduct(factor="1 + y**2" | "1 - y**2"):
                 # The tail of the factor is 2 y u + u^2 plus the orders above N of y_N^2.
                 square = _spill(self.terms[index], self.terms[index]) * RAISE
-                return _fixed(
-                    lambda u: rest + q * (square + 2 * own.norm * u + u * u), lambda u: q * (2 * own.norm + 2 * u)
-                )
+                return _fixed(lambda u: rest + q * (square + 2 * own * u + u * u), lambda u: q * (2 * own + 2 * u))
             case Power():
                 # y' = c a' (y v), v = 1/a.
                 c = self.constants[index][0][1]
-                v, tail = self.static[args[2]].norm, tails[args[2]]
+                v, tail = norm[args[2]], tails[args[2]]
                 mixed = _spill(self.terms[index], self.terms[args[2]]) * RAISE
                 return _fixed(
-                    lambda u: c * (rest + q * (mixed + v * u + own.norm * tail + tail * u)),
-                    lambda u: c * q * (v + tail),
+                    lambda u: c * (rest + q * (mixed + v * u + own * tail + tail * u)), lambda u: c * q * (v + tail)
                 )
             case IntegralOfProduct(paired=True):
                 # Both tails of the pair at once: u_s = int a' u_c + d_s and vice versa.
-                other = self.static[args[1]]
-                rest = max(rest, other.spill + a * own.norm)
+                rest = max(rest, self.spill[args[1]] + a * own)
         return rest / (1 - q * RAISE) * RAISE if q < 0.9 else inf
-
-
-def _raised(own: _Static) -> _Static:
-    return _Static(own.norm * RAISE + TINY, own.spill * RAISE + TINY, own.slope * RAISE + TINY)
 
 
 def _fixed(picard: Callable[[float], float], slope: Callable[[float], float]) -> float:

@@ -9,13 +9,13 @@ and log, atan, asin and acos are integrals ``y' = a' v`` with a known factor v. 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from operator import add, mul, sub
 
 import sympy as sp
 from flint import arb
 
 from henon_ref.enclosure.balls import enclose
+from henon_ref.modes.switched_field import kept
 from henon_ref.taylor.rules import (
     ARGUMENT,
     RULES,
@@ -28,25 +28,17 @@ from henon_ref.taylor.rules import (
     Quotient,
     Root,
 )
-from henon_ref.taylor.tape import INFINITE, Tape
+from henon_ref.taylor.tape import INFINITE, Node, Tape
 
 Step = Callable[[int], None]
 Series = list[arb]
 ZERO = arb(0)
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
-    """One node: its kind, the nodes and constants that it reads, and its degree in time if known."""
-
-    op: str
-    args: tuple[int, ...] = ()
-    constants: tuple[int, ...] = ()
-    degree: int = INFINITE
-
-
 class Program:
     """The operations of a tape, to be run over balls of any precision.
+
+    Operations are nodes, but an operation may read one that is added after it.
 
     Parameters
     ----------
@@ -55,7 +47,7 @@ class Program:
     """
 
     def __init__(self, tape: Tape) -> None:
-        self.operations: list[Operation] = []
+        self.operations: list[Node] = []
         self._place: list[int] = [-1] * len(tape.nodes)
         self._reciprocals: dict[int, int] = {}
         self._one = len(tape.constants)
@@ -66,18 +58,14 @@ class Program:
         self.outputs = tuple(self._place[i] for i in tape.outputs)
         places = {o.args[0]: i for i, o in enumerate(self.operations) if o.op == "state"}
         self.states = tuple(places[i] for i in range(len(self.field)))
-        self._numbers: dict[int, list[arb]] = {}
 
+    @kept
     def numbers(self, bits: int) -> list[arb]:
         """Constants at a precision, which must be the working precision."""
-        if bits not in self._numbers:
-            self._numbers[bits] = [enclose(e) for e in self.expressions]
-        return self._numbers[bits]
-
-    # -- translation ------------------------------------------------------------------------------------
+        return [enclose(e) for e in self.expressions]
 
     def _add(self, op: str, *args: int, constants: tuple[int, ...] = (), degree: int = INFINITE) -> int:
-        self.operations.append(Operation(op, args, constants, degree))
+        self.operations.append(Node(op, args, constants, degree))
         return len(self.operations) - 1
 
     def _reciprocal(self, node: int) -> int:
@@ -122,8 +110,6 @@ class Program:
         else:
             self._place[index] = self._add(node.op, inner, self._place[node.args[1]])
 
-    # -- running ----------------------------------------------------------------------------------------
-
     def run(self, bits: int, time: arb, state: Sequence[arb], order: int, unit: arb) -> list[Series]:
         """Coefficients 0..order, in powers of s = (t - time) / unit, of every operation along the solution.
 
@@ -151,10 +137,9 @@ class Program:
         operands = [series[i] for i in operation.args]
         degrees = [self.operations[i].degree for i in operation.args]
         constant = [numbers[i] for i in operation.constants]
-        if op == "clock":
-            return _listed(y, [constant[0] + constant[1] * time, constant[1] * unit])
-        if op == "constant":
-            return _listed(y, constant)
+        if op in ("constant", "clock"):
+            values = constant if op == "constant" else [constant[0] + constant[1] * time, constant[1] * unit]
+            return lambda k: y.append(values[k] if k < len(values) else ZERO)
         a, b = operands[0], operands[-1]
         match RULES[op]:
             case Linear() as rule:
@@ -173,14 +158,7 @@ class Program:
                 return _integral(y, a, degrees[0], b, sign, getattr(arb, op))
 
 
-def _listed(y: Series, values: Sequence[arb]) -> Step:
-    def step(k: int) -> None:
-        y.append(values[k] if k < len(values) else ZERO)
-
-    return step
-
-
-def convolution(a: Series, b: Series, first: int, last: int, total: int) -> arb:
+def _convolution(a: Series, b: Series, first: int, last: int, total: int) -> arb:
     """Sum of a[j] b[total - j] over first <= j <= last."""
     if last < first:
         return ZERO
@@ -191,15 +169,12 @@ def _product(y: Series, a: Series, b: Series, degree_a: int, degree_b: int) -> S
     if a is b:
 
         def square(k: int) -> None:
-            half = 2 * convolution(a, a, max(0, k - degree_a), (k - 1) // 2, k)
+            half = 2 * _convolution(a, a, max(0, k - degree_a), (k - 1) // 2, k)
             y.append(half if k % 2 or k // 2 > degree_a else half + a[k // 2] * a[k // 2])
 
         return square
 
-    def step(k: int) -> None:
-        y.append(convolution(a, b, max(0, k - degree_b), min(k, degree_a), k))
-
-    return step
+    return lambda k: y.append(_convolution(a, b, max(0, k - degree_b), min(k, degree_a), k))
 
 
 def _integral(y: Series, a: Series, degree: int, factor: Series, sign: int, start: Callable[[arb], arb]) -> Step:
@@ -211,7 +186,7 @@ def _integral(y: Series, a: Series, degree: int, factor: Series, sign: int, star
             y.append(start(a[0]))
             return
         slopes.append(a[k] * (sign * k) if k <= degree else ZERO)
-        y.append(convolution(slopes, factor, 1, min(k, degree), k) / k)
+        y.append(_convolution(slopes, factor, 1, min(k, degree), k) / k)
 
     return step
 
@@ -241,20 +216,8 @@ def _linear(rule: Linear, y: Series, a: Series, b: Series, constant: list[arb]) 
 
 
 def _reciprocal(y: Series, a: Series, c: arb) -> Step:
-    def step(k: int) -> None:
-        if k == 0:
-            y.append(c / a[0])
-        else:
-            y.append(-convolution(y, a, 0, k - 1, k) / a[0])
-
-    return step
+    return lambda k: y.append(-_convolution(y, a, 0, k - 1, k) / a[0] if k else c / a[0])
 
 
 def _root(y: Series, a: Series) -> Step:
-    def step(k: int) -> None:
-        if k == 0:
-            y.append(a[0].sqrt())
-        else:
-            y.append((a[k] - convolution(y, y, 1, k - 1, k)) / (2 * y[0]))
-
-    return step
+    return lambda k: y.append((a[k] - _convolution(y, y, 1, k - 1, k)) / (2 * y[0]) if k else a[0].sqrt())

@@ -19,10 +19,6 @@ from henon_ref.expressions.bounds import exact_sign, terms
 MAX_TERMS, MAX_MONOMIALS = 50, 2_000
 """Largest number of expanded terms of numerator and denominator, and largest number of monomials up to their degrees,
 for which their greatest common divisor is computed."""
-MAX_FACTORED_TERMS, MAX_FACTORED_MONOMIALS = 8, 128
-"""The same limits for the test whether an expression is positive, which is much more work."""
-MAX_COEFFICIENT = 64
-"""Bits of the largest number that counts as a number; larger ones, which SymPy might factor, count as symbols."""
 MAX_EXPANDED = 1_000
 """Largest number of terms up to which products of sums are expanded."""
 MAX_SIZE = 100_000
@@ -47,12 +43,9 @@ def known_positive(expression: sp.Expr) -> bool:
     """Check with little work whether an expression is positive for all values of its symbols."""
     if expression.is_number:
         return exact_sign(expression) > 0
-    extents = measured(expression)
-    if extents is None or any(
-        part.terms > MAX_FACTORED_TERMS or part.monomials > MAX_FACTORED_MONOMIALS for part in extents
-    ):
-        return False
-    return bool(expression.is_positive)
+    extents = measured(expression)  # to be smaller than for simplification: the test is much more work
+    small = extents is not None and all(part.terms <= 8 and part.monomials <= 128 for part in extents)
+    return small and bool(expression.is_positive)
 
 
 def up_to_a_number(expression: sp.Expr) -> tuple[sp.Expr, int]:
@@ -185,7 +178,8 @@ class Extent:
 def measured(expression: sp.Expr) -> tuple[Extent, Extent] | None:
     """Return the extents of numerator and denominator over a common denominator; None if either is large."""
     above, below = Extent(), Extent()
-    if expression.is_Rational and max(abs(expression.p), expression.q).bit_length() <= MAX_COEFFICIENT:
+    # A larger number, which SymPy might factor, counts as a symbol.
+    if expression.is_Rational and max(abs(expression.p), expression.q).bit_length() <= 64:
         return above, below
     if expression.is_Add or expression.is_Mul:
         for i, argument in enumerate(expression.args):

@@ -1,7 +1,7 @@
 """Conversion of expressions to exact SymPy: the text of a case file, which is never executed, and SymPy itself.
 
 Text and SymPy are both read into operations (:mod:`~henon_ref.expressions.parser`,
-:mod:`~henon_ref.expressions.sympy_form`) and then evaluated by the same class, so that both forms obey the same rules.
+:mod:`~henon_ref.expressions.operations`) and then evaluated by the same class, so that both forms obey the same rules.
 Every operation is checked before SymPy evaluates it, so that the work is bounded by the length of the expression:
 ``9**9**9**9`` is refused, not computed. :class:`~henon_ref.expressions.operations.Work` bounds the total work for one
 model and caches every value.
@@ -36,6 +36,7 @@ from henon_ref.expressions.operations import (
     checked_nesting,
     key_of,
     names_in,
+    operation_of,
     overlaid,
 )
 from henon_ref.expressions.parser import parsed
@@ -112,8 +113,6 @@ def read(written: Written, names: Mapping[str, object], work: Work, functions: M
             work.charge(READ * len(written), 0)
             found = parsed(written, names.keys(), functions)
         else:
-            from henon_ref.expressions.sympy_form import operation_of  # not needed for text
-
             found = operation_of(written, names.keys(), functions)
             work.charge(READ * found.length, 0)
         work.known[key] = checked_nesting(found)
@@ -193,14 +192,7 @@ def _delicate(operation: Operation, signs: Collection[str]) -> list[tuple[Operat
 class Walk:
     """Evaluation of operations to exact SymPy, for given meanings of the names.
 
-    Parameters
-    ----------
-    names : mapping
-        Name -> real symbol or exact number.
-    work : Work
-        Cache of the values of parts.
-    kinked : bool
-        Whether ``abs`` and the other functions with kinks become symbols of signs (as in a field).
+    ``kinked``: whether ``abs`` and the other functions with kinks become symbols of signs (as in a field).
     """
 
     def __init__(self, names: Mapping[str, sp.Expr], work: Work, *, kinked: bool) -> None:

@@ -33,7 +33,6 @@ _TOKEN = re.compile(
     r"|(?P<operator>\*\*|[-+*/^])|(?P<bracket>[(),])|(?P<comparison>[<>]=?)",
     re.ASCII,
 )
-_ALLOWED = "numbers, names, + - * / ** ^ and parentheses"
 _CONNECTIVES = ("and", "or", "not")
 
 
@@ -275,4 +274,5 @@ def _bad_character(text: str, offset: int) -> ExpressionError:
         return ExpressionError(equal if character in "=!" else TWO_CONDITIONS, offset)
     like = LOOKALIKES.get(character)
     hint = f"; write {like}" if like else ""
-    return ExpressionError(f"{character!r} is not allowed in an expression{hint}; allowed: {_ALLOWED}", offset)
+    allowed = "numbers, names, + - * / ** ^ and parentheses"
+    return ExpressionError(f"{character!r} is not allowed in an expression{hint}; allowed: {allowed}", offset)

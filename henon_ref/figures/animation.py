@@ -16,16 +16,9 @@ from henon_ref.figures import style
 from henon_ref.figures.motion import Motion
 from henon_ref.figures.scene import HALF, blank, draw_body, draw_symbol, lines_of, places_of
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.system.assembly import Scene
-from henon_ref.system.bodies import Body
+from henon_ref.system.assembly import Body, Scene
 from henon_ref.taylor.tape import TIME
 
-ALONE, AMONG_OTHERS = 0.45, 0.22
-"""Largest drawn displacement of one free mass, and of several, relative to the distance of two bodies."""
-MARKS = 4
-"""Number of lines on a body of prescribed motion that show its movement."""
-MOST_NAMED = 4
-"""Largest number of contacts whose state is named in the title."""
 Vector = NDArray[np.float64]
 
 
@@ -51,7 +44,8 @@ def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, f
     places, moved = places_of(scene), {body.name: _displacement(body, system, motion) for body in scene.bodies.values()}
     masses = [moved[body.name] for body in scene.bodies.values() if body.kind == "mass"]
     largest = max((float(np.abs(x).max()) for x in masses), default=0.0)
-    scale = (ALONE if len(masses) == 1 else AMONG_OTHERS) / largest if largest else 1.0
+    # Largest drawn displacement, relative to the distance of two bodies; several masses must not overlap.
+    scale = (0.45 if len(masses) == 1 else 0.22) / largest if largest else 1.0
 
     def draw(frame: int) -> Sequence[Any]:
         axes.clear()
@@ -62,13 +56,13 @@ def animated(axes: Axes, scene: Scene, system: FilippovSystem, motion: Motion, f
         }
         held = {sign.name for sign, entry in zip(system.signs, motion.modes[frame], strict=False) if entry == 0}
         for connection, ends, shift in lines_of(scene, at):
-            sticks = bool(held & {surface.sign.name for surface in connection.surfaces})
+            sticks = bool(held & {sign.name for sign in connection.surfaces})
             own = {"lw": 2.6} if sticks else {"color": style.GREY} if connection.kind == "friction" else {}
             draw_symbol(axes, connection, ends, shift, elastic=connection.kind == "spring", **own)
         for body in scene.bodies.values():
             draw_body(axes, body, at[body.name])
             _draw_marks(axes, body, at[body.name], float(moved[body.name][frame]), scale)
-        signs = [sign.name for sign in system.signs[:MOST_NAMED]]
+        signs = [sign.name for sign in system.signs[:4]]
         words = [f"{name}: {'stick' if name in held else 'slip'}" for name in signs]
         axes.set_title(f"t = {motion.times[frame]:.2f} s   {'   '.join(words)}", loc="left", x=0.02)
         return ()
@@ -100,6 +94,6 @@ def _draw_marks(axes: Axes, body: Body, at: Vector, moved: float, scale: float) 
         axes.plot([x, x + HALF * np.cos(moved)], [y, y + HALF * np.sin(moved)], color=style.BLACK, lw=1.4, zorder=4)
     elif body.kind == "prescribed":
         way = 3.2 * HALF
-        for k in range(MARKS):
-            mark = x - way / 2 + (scale * moved + k * way / MARKS) % way
+        for k in range(4):
+            mark = x - way / 2 + (scale * moved + k * way / 4) % way
             axes.plot([mark, mark], [y - HALF / 2, y + HALF / 2], color=style.GREY, lw=1.2, zorder=4)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
@@ -22,20 +21,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-REST = 1e-6
-"""Largest extent of a stick that is drawn as a point, relative to the largest state."""
-BLOW_UP = 50.0
-"""A curve is cut off if its largest value exceeds its 95 % quantile by this factor."""
 GRID = 121
 """Number of grid points per side for contours of a surface."""
 MOST_NAMED = 8
 """Largest number of labelled places of transitions; if there are more, none has a label."""
-MOST_TIMES = 2
-"""Largest number of times in the label of one place."""
-SLOPE = 50
-"""Slope of a label [degrees]."""
-SAME = 0.01
-"""Largest distance of transitions that share a label, relative to the axes."""
 _Entry = tuple[str, str, float, str]
 """Entry of a legend: label, colour, width, dashes."""
 
@@ -143,7 +132,7 @@ def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None
         axes.set_title(title, pad=24)
         labels = [label for label, _ in plane.pieces(motion.modes)]
         pieces = "; ".join(f"{labels.count(label)} of {label}" for label in sorted(set(labels)))
-        describe(
+        style.describe(
             figure,
             title,
             f"{system.states[plane.x].name} across, {system.states[plane.y].name} upward. Pieces: {pieces}."
@@ -213,7 +202,8 @@ def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any])
         _, colour, width = plane.line_style(motion.modes[piece.start])
         stick = label == "stick"
         points = motion.states[piece][:, [plane.x, plane.y]]
-        rest = stick and bool(np.ptp(points, axis=0).max() <= REST * np.abs(motion.states).max())
+        # A stick of hardly any extent is drawn as a point.
+        rest = stick and bool(np.ptp(points, axis=0).max() <= 1e-6 * np.abs(motion.states).max())
         line: dict[str, Any] = {"linewidth": width, "solid_capstyle": "butt"}
         line |= {"color": colour, "zorder": 3 if stick else 2} | own | named
         if rest:
@@ -280,9 +270,9 @@ def _legend(axes: Axes, entries: Sequence[_Entry]) -> None:
 
 
 def limits_around(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return limits around a curve with some margin; a curve that blows up is cut off."""
+    """Return limits around a curve with some margin; a curve far beyond its 95 % quantile is cut off."""
     usual = float(np.percentile(np.abs(values), 95))
-    if np.abs(values).max() > BLOW_UP * usual > 0:
+    if np.abs(values).max() > 50 * usual > 0:
         values = values[np.abs(values) <= 2 * usual]
     low, high = float(values.min()), float(values.max())
     room = 0.06 * (high - low) or 0.5
@@ -301,7 +291,7 @@ def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[st
     size = np.abs([np.diff(axes.get_xlim())[0], np.diff(axes.get_ylim())[0]])
     places: list[tuple[str, NDArray[np.float64], list[float]]] = []
     for kind, point, time in zip(kinds, points, times.tolist(), strict=True):
-        near = [own for own in places if own[0] == kind and (np.abs(own[1] - point) <= SAME * size).all()]
+        near = [own for own in places if own[0] == kind and (np.abs(own[1] - point) <= 0.01 * size).all()]
         if near:
             near[0][2].append(time)
         else:
@@ -311,10 +301,10 @@ def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[st
     centre = np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)
     halo = [Stroke(linewidth=2.0, foreground="white"), Normal()]
     for kind, point, own in places:
-        shown = ", ".join(f"{time:.4g}" for time in own[:MOST_TIMES]) + (", ..." if len(own) > MOST_TIMES else "")
+        shown = ", ".join(f"{time:.4g}" for time in own[:2]) + (", ..." if len(own) > 2 else "")
         right, above = point > centre  # labels extend towards the centre, where there is space
         axes.annotate(
             f"{kind} {shown} s", tuple(point), xytext=(-3 if right else 3, -4 if above else 4),
-            textcoords="offset points", rotation=SLOPE if right == above else -SLOPE, rotation_mode="anchor",
+            textcoords="offset points", rotation=50 if right == above else -50, rotation_mode="anchor",
             ha="right" if right else "left", va="top" if above else "bottom", fontsize=7, zorder=6, path_effects=halo,
         )  # fmt: skip

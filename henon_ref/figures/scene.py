@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
-from henon_ref.system.assembly import Connection, Scene
-from henon_ref.system.bodies import Body
+from henon_ref.system.assembly import Body, Connection, Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,14 +19,6 @@ TITLE = "Bodies and what connects them"
 MOST_BODIES = 12
 HALF = 0.24
 """Half the side of a body, relative to the distance of two bodies."""
-SIDEWAYS = 0.13
-"""Half the distance between connections of the same two bodies, in the same unit."""
-LETTER, LINE = 0.047, 0.11
-"""Width of a letter and height of a line of a label, in the same unit."""
-ALONG = (0.5, 0.42, 0.58, 0.33, 0.67, 0.25, 0.75)
-"""Possible positions of a connection's label along its line, in order of preference."""
-DENSE = 0.02
-"""Distance of the points of a symbol that labels must not cover, in the same unit."""
 DEPTH, TITLE_ROOM = 1.8, 0.3
 """Height below the row of bodies, in the same unit, and height for the title [in]."""
 Place = NDArray[np.float64]
@@ -46,7 +36,7 @@ def draw_scene(scene: Scene) -> Figure | None:
         schematic(axes, scene)
         axes.set_title(TITLE, x=0.02)
         listed = "; ".join(connection.label for connection in scene.connections)
-        describe(figure, TITLE, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
+        style.describe(figure, TITLE, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
         return figure
 
 
@@ -90,7 +80,7 @@ def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[_Line]:
     for connection in scene.connections:
         pairs.setdefault(frozenset(connection.ends), []).append(connection)
     return [
-        (connection, [places[name] for name in connection.ends], SIDEWAYS * (2 * number - len(pair) + 1))
+        (connection, [places[name] for name in connection.ends], 0.13 * (2 * number - len(pair) + 1))
         for pair in pairs.values()
         for number, connection in enumerate(pair)
     ]
@@ -203,13 +193,13 @@ def _draw_labels(axes: Axes, lines: Sequence[_Line], halves: list[Place], centre
 def _dense(corners: Place) -> Place:
     """Return points along a line through corners."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
-    at = np.append(np.arange(0.0, way[-1], DENSE), way[-1])
+    at = np.append(np.arange(0.0, way[-1], 0.02), way[-1])
     return np.column_stack([np.interp(at, way, corners[:, k]) for k in (0, 1)])
 
 
 def _texts(connection: Connection) -> list[str]:
     """Return a connection's kind and name on one line, and on two lines, which is narrower."""
-    signs = [surface.sign.name for surface in connection.surfaces]
+    signs = [sign.name for sign in connection.surfaces]
     words = [connection.kind, *(signs or ([connection.name] if connection.name else []))]
     return [" ".join(words), "\n".join(words)]
 
@@ -217,13 +207,14 @@ def _texts(connection: Connection) -> list[str]:
 def _label_places(text: str, ends: Sequence[Place], shift: float) -> list[tuple[str, Place, Place]]:
     """Return a label with its possible places, in order of preference, and half of its width and height."""
     rows = text.split("\n")
-    half = np.array([LETTER * max(map(len, rows)), LINE * len(rows)]) / 2
+    half = np.array([0.047 * max(map(len, rows)), 0.11 * len(rows)]) / 2  # width of a letter, height of a line
     if len(ends) == 1:
         return [(text, ends[0] + np.array([shift, 0.69]), half)]
     length, along, across = _direction(*ends)
     start = ends[0] + shift * across
     room = 0.12 + float(np.abs(across) @ half)
-    return [(text, start + part * length * along + side * room * across, half) for part in ALONG for side in (1, -1)]
+    parts = (0.5, 0.42, 0.58, 0.33, 0.67, 0.25, 0.75)
+    return [(text, start + part * length * along + side * room * across, half) for part in parts for side in (1, -1)]
 
 
 def _arrow(axes: Axes, ends: Place, colour: str) -> None:

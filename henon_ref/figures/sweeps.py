@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 HEIGHT = 4.4
 """Height of a figure [in]."""
-BINS = 60
 MOST_BASINS = 12
 """Largest number of basins, which differ by colour."""
 _COLOURS = (
@@ -111,7 +110,7 @@ def histogram(table: pd.DataFrame, of: str, axes: Axes | None = None) -> Axes:
     values = _numbers(table, of)
     there = values[np.isfinite(values)]
     with _drawing(axes) as axes:
-        axes.hist(there, bins=min(BINS, max(len(np.unique(there)), 1)), color=style.BLUE, lw=0)
+        axes.hist(there, bins=min(60, max(len(np.unique(there)), 1)), color=style.BLUE, lw=0)
         axes.set(xlabel=one_line(of), ylabel="points")
         axes.set_title(f"{one_line(of)}: {len(there):,} points{_left_out(values)}")
     return axes

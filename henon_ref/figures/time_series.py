@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from henon_ref.casefile.case import Reading
 from henon_ref.expressions.traversal import size
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
 from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, velocity_of, widen
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
@@ -49,7 +48,7 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
         figure.subplots_adjust(left=0.1, right=0.965, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         over_time(panels, system, motion, [sign.name for sign in system.signs[:count]])
         panels[0].set_title(MODES_TITLE)
-        describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
+        style.describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
         return figure
 
 

@@ -39,12 +39,9 @@ NAMES = (*ELEMENTARY, "Abs")
 """Functions of one argument, by number."""
 BITS = 256
 """Precision of python-flint's balls for functions and signs [bits]."""
-KEPT = 1024
-"""Number of cached doubles of exact numbers."""
 DIGITS = 90
 """Decimal digits of irrational numbers in balls."""
-_DOUBLES, _INTEGERS = ffi.typeof("double[]"), ffi.typeof("int64_t[]")
-_ARRAYS = _INTEGERS, _DOUBLES, _INTEGERS, _INTEGERS
+_ARRAYS = tuple(map(ffi.typeof, ("int64_t[]", "double[]", "int64_t[]", "int64_t[]")))
 """Types of the arrays of a ``struct program``."""
 
 
@@ -231,9 +228,8 @@ def _function(number: int, argument: Any, functions: Any = arb) -> Any:
     return abs(argument) if NAMES[number] == "Abs" else getattr(functions, NAMES[number])(argument)
 
 
-@lru_cache(maxsize=KEPT)
-def _double(number: sp.Expr) -> float:
-    return float(number)
+_double = lru_cache(maxsize=1024)(float)
+"""Double of an exact number."""
 
 
 def _ball(number: sp.Expr) -> arb:
@@ -248,17 +244,12 @@ def _evaluate(operation: Sequence[int], registers: NDArray[np.float64]) -> None:
     what, to, i, j = operation
     operands = [registers[:, i]] if what == FUNCTION else [registers[:, i], registers[:, j]]
     arguments, places = np.unique(np.concatenate(operands, axis=1), axis=0, return_inverse=True)
+    found = []
     with working_precision(BITS):
-        found = [_function_value(what, j, argument) for argument in arguments.tolist()]
+        for argument in arguments.reshape(len(arguments), -1, 3).tolist():
+            balls = [arb(high, error) + arb(low) for high, low, error in argument]
+            found.append(_three(balls[0] ** balls[1] if what == POWER_OF else _function(j, balls[0])))
     registers[:, to] = np.array(found)[places.ravel()]
-
-
-def _function_value(what: int, function: int, argument: Sequence[float]) -> tuple[float, float, float]:
-    """Evaluate a function operation at one argument, as in :func:`_three`."""
-    balls = [
-        arb(high, error) + arb(low) for high, low, error in (argument[k : k + 3] for k in range(0, len(argument), 3))
-    ]
-    return _three(balls[0] ** balls[1] if what == POWER_OF else _function(function, balls[0]))
 
 
 def _three(value: arb) -> tuple[float, float, float]:

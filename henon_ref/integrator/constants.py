@@ -24,8 +24,7 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
-    from henon_ref.integrator.precise_modes import PreciseModes
-    from henon_ref.integrator.shared_tapes import SharedTapes
+    from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
 TABLES = ffi.sizeof("struct tables") // 8
@@ -147,7 +146,7 @@ class ParameterPrograms:
     @cached_property
     def shared_tapes(self) -> SharedTapes:
         """Tapes that decide modes in Python, for all parameter values."""
-        from henon_ref.integrator.shared_tapes import SharedTapes  # rarely needed
+        from henon_ref.integrator.precise_modes import SharedTapes  # rarely needed
 
         return SharedTapes(self.system, self.parameters)
 

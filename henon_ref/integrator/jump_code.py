@@ -68,7 +68,7 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
     for i, own in places.items():
         parts.append(Part("values", (tape.part(range(first, first + len(own))), 2 * n, f"jump_{i}", own)))
         first += len(own)
-    return JumpCode(system, ModeTape(tape, ()), machine_code(parts), jumps)
+    return JumpCode(system, ModeTape(tape, ()), machine_code(*parts), jumps)
 
 
 def _carried(value: sp.Expr, states: tuple[sp.Symbol, ...], lost: tuple[sp.Symbol, ...]) -> sp.Expr:

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 from flint import arb
 
-from henon_ref.integrator.endings import ending_of, range_ending
+from henon_ref.integrator.endings import ending_of, pass_branch_point, range_ending
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseMotion, split
 from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES, written
-from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import KINDS
+from henon_ref.integrator.transition_array import KINDS, Reason
 from henon_ref.kernel.shared import LEVELS, kernel
 from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.decision import Decision
@@ -28,8 +27,6 @@ from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
-CLOSE_PART = 2.0**-40
-"""Remaining time, relative to the horizon, below which a step to the horizon is taken in multiprecision."""
 Ending = tuple[Status, Reason]
 """Status and reason of a run that ends."""
 
@@ -43,8 +40,6 @@ def answered(run: State, code: int) -> Ending | None:
             ending = select_mode(run) if code == kernel.SELECT_MODE else locate(run)
         return ("ok", "") if ending is None and run.scalars.stopped else ending
     if code == kernel.STALLED:
-        from henon_ref.integrator.guard_branch_point import pass_branch_point
-
         if pass_branch_point(run):
             return None
         if close_to_horizon(run):
@@ -147,6 +142,10 @@ def _set_known_zeros(run: State, mode: Mode, zeros: Sequence[int]) -> None:
         run.known_zeros[g] = zeros[place] if place >= 0 else 0
 
 
+def _without_equations(run: State) -> Ending:
+    return "failed", f"the mode after t = {run.time:.17g} has no equations"
+
+
 def change_mode(
     run: State,
     decision: Decision,
@@ -179,10 +178,6 @@ def change_mode(
     for i in () if changed else tangential:
         record(run, KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=0)
     return ending_of(run, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(run.workspace.run) else None
-
-
-def _without_equations(run: State) -> Ending:
-    return "failed", f"the mode after t = {run.time:.17g} has no equations"
 
 
 def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending | None:
@@ -225,7 +220,7 @@ def close_to_horizon(run: State) -> bool:
     Over such a time guards change by less than the rounding error of the states, so that no step can be validated.
     """
     scalars, left = run.scalars, run.left(run.now)
-    if not (left <= CLOSE_PART * abs(run.until[0]) and run.guards):
+    if not (left <= 2.0**-40 * abs(run.until[0]) and run.guards):
         return False
     scalars.suspect = scalars.step_length = left
     scalars.guard, scalars.stalled = kernel.NOWHERE, 0
@@ -293,7 +288,7 @@ def select_mode(run: State) -> Ending | None:
         return None
     at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
     decision = after_event(at, before, hits)
-    seen = decision.mode is not None and run.integrator.mode_table.known(decision.mode) is not None
+    seen = decision.mode is not None and run.integrator.mode_table.knows(decision.mode)
     run.count("mode_selections" if seen else "new_modes")
     if decision.mode is None:
         return decision.ending, decision.reason

@@ -75,7 +75,7 @@ class ModeCode:
 
     @property
     def fields(self) -> dict[str, int]:
-        """Values of the fields of :data:`henon_ref.integrator.records.MODE` that depend on the code."""
+        """Values of the fields of a mode's record (``struct mode``) that depend on the code."""
         return {
             "expansion": self.code.address("expansion"),
             "step_end": self.code.address("closing"),
@@ -154,7 +154,7 @@ def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape,
     ]
     if has_branch_points:
         parts.append(Part(f"{loops}expansion", (expansion, n, 1, "slopes", int(kernel.row_length(order)))))
-    code = machine_code(parts, optimised=large or not_watched, simplified=not_watched and not large)
+    code = machine_code(*parts, optimised=large or not_watched, simplified=not_watched and not large)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)))
 
@@ -238,7 +238,7 @@ def normal_velocities(system: FilippovSystem) -> NormalVelocities:
         inputs = (*inputs, *loads)
         contacts = np.array([_known_of(system, i) for i in surfaces], dtype=np.int64)
     tape = build_tape(inputs, (), outputs)
-    code = machine_code([Part("expansion", (tape, len(inputs), 0, "normals"))])
+    code = machine_code(Part("expansion", (tape, len(inputs), 0, "normals")))
     beside = np.array([[j in system.together(i, (i, j)) for j in surfaces] for i in surfaces], dtype=np.int64)
     return NormalVelocities(tape, code.address("normals"), code, contacts, beside)
 

@@ -95,11 +95,14 @@ class ModeTable:
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self.contacts = surfaces if self._switched and not system.resets else 0
-        self._jumps = _jump_code(system) if system.resets else None
+        self._jumps: JumpCode | None = None
+        if system.resets:
+            from henon_ref.integrator.jump_code import jump_code  # few systems have resets
+
+            self._jumps = jump_code(system)
         no_sources = np.zeros((0, 0, 0), dtype=np.int64)
         self.compiled = CompiledModes(np.zeros(0, dtype=mode_dtype(self.most_guards)), no_sources, 0)
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
-        self._guards: dict[Mode, tuple[Guard, ...]] = {}
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
                 self.row(mode)
@@ -122,11 +125,9 @@ class ModeTable:
             return packed(mode) if all(self._row(same) is not None for same in self._uniform) else None
         return self._row(mode)
 
-    def known(self, mode: Mode) -> int | None:
-        """Return the row or number of a compiled mode; None if it is not compiled."""
-        if self.contacts:
-            return packed(mode) if len(self.index) == len(self._uniform) else None
-        return self.index.get(mode)
+    def knows(self, mode: Mode) -> bool:
+        """Whether a mode is compiled."""
+        return len(self.index) == len(self._uniform) if self.contacts else mode in self.index
 
     def mode(self, row: int) -> Mode:
         """Return the mode of a row or number."""
@@ -153,9 +154,7 @@ class ModeTable:
         """Return the guards of a mode in the order of its row."""
         if self._switched:
             return self._switched.guards(mode)
-        if mode not in self._guards:
-            self._guards[mode] = self.system.equations(mode).guards
-        return self._guards[mode]
+        return self.system.equations(mode).guards
 
     def leads_to(self, row: int, place: int, entry: int) -> int:
         """Return the row of the mode that a guard leads to for this entry; -1 if the loop must not enter it."""
@@ -281,7 +280,8 @@ class ModeTable:
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
-        own["number"], own["surfaces"] = _number(mode), len(mode) if len(mode) <= kernel.MOST_SURFACES else 0
+        if len(mode) <= kernel.MOST_SURFACES:  # the number fits into a machine integer
+            own["number"], own["surfaces"] = mode_number(mode), len(mode)
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
         records["mode_across"] = records["mode_stuck"] = -1
         records["branches"][: len(code.guards_branch)] = code.guards_branch
@@ -317,22 +317,8 @@ class ModeTable:
                 guards["mode_across"][row, g] = target
 
 
-def _jump_code(system: FilippovSystem) -> JumpCode | None:
-    from henon_ref.integrator.jump_code import jump_code  # few systems have resets
-
-    return jump_code(system)
-
-
-def _number(mode: Mode) -> int:
-    """Return the number of a mode; 0 if it does not fit into a machine integer."""
-    return mode_number(mode) if len(mode) <= kernel.MOST_SURFACES else 0
-
-
 def _in_groups(system: FilippovSystem) -> bool:
     """Whether compiled code decides static friction: no loops of contacts, and two limits at each contact."""
-    held = all(system.held_inside(i) and _two_ends(system, i) for i in system.overrides)
+    ends = {i: sorted(end.to_sign for end in system.hold_guards(i)) for i in system.overrides}
+    held = all(system.held_inside(i) and ends[i] == [-1, 1] for i in system.overrides)
     return held and not (system.overrides and system.has_loops)
-
-
-def _two_ends(system: FilippovSystem, index: int) -> bool:
-    return sorted(end.to_sign for end in system.hold_guards(index)) == [-1, 1]

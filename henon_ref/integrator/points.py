@@ -36,8 +36,6 @@ MEMORY = 1 << 26
 """Approximate limit on the memory of these constants [bytes]: with many modes, fewer points at once."""
 BUFFER = 16 * CHUNK
 """Initial capacity of the buffer of transitions."""
-PAUSE_STEPS = 1_000_000
-"""Number of steps between checks for interrupts (some tenths of a second)."""
 TRIES = 16
 """Number of consecutive points set aside without a new mode after which the call no longer stops for them."""
 
@@ -196,7 +194,8 @@ class _Part:
         self.memory = np.zeros(1, dtype=PROGRESS)
         self.progress, keep = self.memory[0], runs.keep
         self.progress["after"], self.progress["open_sticks"] = keep
-        self.progress["steps"], self.progress["stop_aside"] = PAUSE_STEPS, True
+        self.progress["steps"] = 1_000_000  # between checks for interrupts: some tenths of a second
+        self.progress["stop_aside"] = True
 
     def run(self) -> Iterator[NDArray[Any]]:
         """Do the runs; yield the kept transitions."""
@@ -220,10 +219,11 @@ class _Part:
         points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
         points.states = doubles(runs.states[self.part])
         tries, code, data = TRIES, kernel.PAUSE, None
+        pointer = ffi.cast("struct progress *", ffi.from_buffer(self.memory))
         while code != kernel.DONE:
             if data is None or data.compiled is not table.compiled:
                 tries, data = TRIES, self._constants(points)
-            code = kernel.run_points(self._progress, points, data.tables, self._buffer(self.kept))
+            code = kernel.run_points(pointer, points, data.tables, self._buffer(self.kept))
             if code == kernel.ASIDE:
                 yield from self._in_python(int(progress["point"]) - 1)
                 tries -= 1
@@ -248,10 +248,6 @@ class _Part:
             for end in ("from_mode", "to_mode"):
                 found[end] = numbers[found[end]]
         return found
-
-    @property
-    def _progress(self) -> Any:
-        return ffi.cast("struct progress *", ffi.from_buffer(self.memory))
 
     def _buffer(self, kept: NDArray[np.float64]) -> Any:
         """Return a ``struct buffer`` over ``kept`` and :attr:`pending`, which must outlive it."""

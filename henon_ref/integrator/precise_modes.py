@@ -1,52 +1,121 @@
-"""Motion and guards of a mode in multiprecision: Taylor series in the ball arithmetic of python-flint."""
+"""Modes in Python, in doubles or balls, at any parameter values; their motion and guards in multiprecision.
+
+The Taylor series are in the ball arithmetic of python-flint.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
+import numpy as np
 import sympy as sp
 from flint import arb, arb_poly
 
+from henon_ref.integrator.constant_program import ConstantProgram, constant_program
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
-from henon_ref.modes.arithmetic import RING
-from henon_ref.modes.decision import Decision
+from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation
-from henon_ref.modes.selection import mode_by_signs
-from henon_ref.precision import working_precision
+from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, ball_function, guards_and_tape
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.taylor.series import expand
-from henon_ref.taylor.tape import INFINITE, Tape
+from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
 
 MOST_ORDER = 320
 """Largest order of an expansion; it ends earlier if its terms are negligible or the motion is a polynomial."""
 NEGLIGIBLE = 1e-50
 """Size of negligible terms relative to the sum of all terms on the step."""
-LEAST_ORDER = 48
-"""Smallest order of an expansion that is not a polynomial: low orders may be zero."""
 ENDING_ORDERS = 4
 """Number of consecutive negligible orders that end an expansion."""
 
 MOST_STEPS = 1000
 """Largest number of steps (some seconds)."""
-SHORTEST_PART = 2.0**-20
-"""Smallest length of a step relative to the requested length."""
 SAME = 1e-2
 """Largest relative difference between the doubles and the motion for which its digits are trusted."""
-START_ROUNDING = 2.0**-52
-"""Rounding error of a pair of doubles relative to that of one double; the propagated errors have the same ratio."""
 
 
 def split(number: arb) -> Pair:
     """Return a number as a pair of doubles."""
     high = float(number.mid())
     return high, float(number.mid() - high)
+
+
+class SharedTapes:
+    """Tapes and functions of a system's modes, built once and evaluated at any parameter values in doubles or balls.
+
+    ``parameters``: symbols in the order of the values.
+    """
+
+    def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
+        self.system, self._parameters = system, parameters
+        self.mode = cache(self._mode)
+        self.program = cache(self._program)
+        self.tape = cache(self._tape)
+        self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
+
+    def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
+        """Return the modes in double precision at parameter values."""
+        return _InDoubles(self, DOUBLES, values)
+
+    def in_balls(self, values: tuple[sp.Expr, ...]) -> ModeEvaluation:
+        """Return the modes in ball arithmetic of the working precision at exact parameter values."""
+        return _InBalls(self, BALLS, values)
+
+    def constants(self, tape: Tape) -> ConstantProgram:
+        """Return the program of the constants of one of these tapes."""
+        if id(tape) not in self._programs:
+            with one_at_a_time():
+                self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
+        return self._programs[id(tape)][1]
+
+    def _mode(self, mode: Mode) -> GuardsAndTape | None:
+        with one_at_a_time():
+            return guards_and_tape(self.system, mode)
+
+    def _program(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
+        """Write a program of expressions in time, ``names`` and parameters."""
+        with one_at_a_time():
+            return constant_program((TIME, *names, *self._parameters), expressions)
+
+    def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+        """Build a tape of expressions in time and ``names``."""
+        with one_at_a_time():
+            return build_tape(names, (), expressions)
+
+
+class _InDoubles(ModeEvaluation):
+    def __init__(self, shared: SharedTapes, arithmetic: Arithmetic, values: tuple[Any, ...]) -> None:
+        super().__init__(shared.system, arithmetic)
+        self._tapes, self._values = shared, values
+
+    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
+        return self._tapes.mode(mode)
+
+    def constants(self, tape: Tape) -> list[Any]:
+        program = self._tapes.constants(tape)
+        registers = program.registers(np.array([self._values]))[0]
+        found: list[float] = registers[program.places, 0].tolist()
+        return found
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        program, values = self._tapes.program(tuple(names), tuple(expressions)), self._values
+        return lambda *point: program.in_doubles((*point, *values))
+
+
+class _InBalls(_InDoubles):
+    def constants(self, tape: Tape) -> list[Any]:
+        return [ball.mid() for ball in self._tapes.constants(tape).balls(self._values)]
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        tape = self._tapes.tape(tuple(names), tuple(expressions))
+        return ball_function(tape, self.constants(tape))
 
 
 class PreciseModes:
@@ -88,20 +157,13 @@ class PreciseModes:
         """Return the sign; 0 if the ball contains zero."""
         return 0 if value.contains(0) else 1 if value > 0 else -1
 
-    def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Decide the mode after a jump, in double precision."""
-        at = self.in_doubles.at(float(t), [float(value) for value in x])
-        return mode_by_signs(at, surfaces, valid, where="after the reset")
-
-    def text(self, t: arb) -> str:
-        """Format a time for messages."""
-        return f"{float(t):.17g}"
+    def at(self, t: arb, x: Sequence[arb]) -> TapePoint:
+        """Return the point, in double precision, at which the mode after a jump is decided."""
+        return self.in_doubles.at(float(t), [float(value) for value in x])
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""
-        found = self.in_balls.equations(mode)
-        assert found is not None
-        return found[0].guards
+        return self.in_balls.guards(mode) or ()
 
     def expand(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb
@@ -114,8 +176,8 @@ class PreciseModes:
         degree = _degree(tape)
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
-            """Checked every few orders."""
-            return len(x[0]) > LEAST_ORDER and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
+            """Checked every few orders, from 48 on: low orders may be zero."""
+            return len(x[0]) > 48 and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
 
         order, end = (degree, None) if degree else (MOST_ORDER, enough)
         states, outputs = expand(tape, numbers, time, state, order, RING, unit, end)
@@ -179,15 +241,15 @@ class PreciseMotion:
         sizes = [abs(x) for x in near]
         if not all(error <= SAME * max(size, SAME * max(sizes)) for error, size in zip(off, sizes, strict=True)):
             return None
-        if self._exact:
-            return list(self._state), [0.0] * len(off)
-        return list(self._state), [START_ROUNDING * error for error in off]
+        # The rounding error of a pair relative to that of one double; the propagated errors have the same ratio.
+        rounding = 0.0 if self._exact else 2.0**-52
+        return list(self._state), [rounding * error for error in off]
 
     def _advance(self, time: arb, length: float) -> bool:
         """Advance to a time; False if that takes too many steps."""
         part = 1.0
         while self._time < time:
-            if self._steps >= MOST_STEPS or part < SHORTEST_PART:
+            if self._steps >= MOST_STEPS or part < 2.0**-20:
                 return False
             self._steps += 1
             left = time - self._time

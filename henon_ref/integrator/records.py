@@ -32,8 +32,6 @@ BRENT: int = kernel.BRENT
 """Landing methods."""
 LANDINGS = ("henon", "newton", "brent", "bracket")
 """Names of the landing methods, then of bisection, their fallback."""
-MODE, GUARD = record_dtype("mode"), record_dtype("guard")
-"""Record of a compiled mode, and of one of its guards."""
 TRANSITION, STEP = record_dtype("transition"), record_dtype("step")
 """Record of a transition, followed in memory by the state (:func:`transition_dtype`); record of a step, followed by the
 states' Taylor coefficients (:func:`step_dtype`)."""
@@ -41,8 +39,6 @@ TRANSITION_PLACES, STEP_PLACES = TRANSITION.itemsize // 8, STEP.itemsize // 8
 """Lengths of these records in doubles."""
 CHUNK: int = kernel.CHUNK
 """Number of transitions in one block of memory."""
-RUN = record_dtype("run")
-"""Record of a run's scalars, the same for every system; the vectors follow it in memory."""
 STATE_PLACE: int = kernel.places_of(0, 0, 0, 0, 0).state
 """Offset of the state; its rounding errors and the state before the last jump follow."""
 _MODE_PLACE: int = ffi.offsetof("struct run", "mode")
@@ -51,7 +47,7 @@ _MODE_PLACE: int = ffi.offsetof("struct run", "mode")
 
 def mode_dtype(guards: int) -> np.dtype[Any]:
     """Row of a mode table: a mode and its guards (``guards`` of the largest mode)."""
-    return np.dtype([("mode", MODE), ("guards", GUARD, (guards,))])
+    return np.dtype([("mode", record_dtype("mode")), ("guards", record_dtype("guard"), (guards,))])
 
 
 def transition_dtype(states: int) -> np.dtype[Any]:

@@ -7,25 +7,24 @@ a code if double precision does not decide, a mode has no machine code yet, or t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
-from types import ModuleType
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import CHUNK, STEP_PLACES, Workspace, numbered, step_dtype, words_of
-from henon_ref.integrator.run_result import Reason, RunResult
-from henon_ref.integrator.start import Start, out_of_steps
+from henon_ref.integrator.integrator import Integrator, local_error, order_for
+from henon_ref.integrator.records import CHUNK, HENON, STEP_PLACES, Workspace, numbered, step_dtype, words_of
+from henon_ref.integrator.start import NO_LIMIT, Start, out_of_steps
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import TransitionArray, shown
+from henon_ref.integrator.transition_array import Reason, RunResult, TransitionArray, shown
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode
+from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
 
 _whole_run, _loop, _HORIZON = kernel.whole_run, kernel.advance, kernel.HORIZON  # a library's names take longer to find
@@ -64,12 +63,39 @@ def run_to_horizon(
     return end
 
 
-@cache
-def _mode_changes() -> ModuleType:
-    """Return the module :mod:`henon_ref.integrator.mode_changes`, which most runs do not need."""
-    from henon_ref.integrator import mode_changes
+def prepared_run(
+    problem: Problem,
+    *,
+    rtol: float,
+    landing: int = HENON,
+    sample_times: NDArray[np.float64] | None = None,
+    deadline: float | None = None,
+) -> Callable[[], Trajectory]:
+    """Compile a problem and decide its start.
 
-    return mode_changes
+    Parameters
+    ----------
+    problem : Problem
+    rtol : float
+        Tolerance; the local error of a step is a tenth of it (:func:`local_error`).
+    landing : int
+        One of :data:`henon_ref.integrator.records.LANDINGS`.
+    sample_times : ndarray, shape (k,), optional
+        Increasing times at which the state is sampled.
+    deadline : float, optional
+        Limit on the processor time of the run [s].
+
+    Returns
+    -------
+    callable
+        Does the entire run again at each call.
+    """
+    error = local_error(rtol)
+    integrator = Integrator(problem.system, order_for(error))
+    # The deadline, not a number of steps, limits the run.
+    start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
+    kinks = HiddenKinks(problem.system) if problem.system.kinks else None
+    return partial(run_to_horizon, integrator, start, sample_times, deadline, kinks)
 
 
 def _loop_data(integrator: Integrator, start: Start) -> LoopData:
@@ -227,7 +253,9 @@ class Run(State):
     def _answered(self, code: int, *, stop: bool = False) -> Trajectory | None:
         """Handle a return code of the loop; None if the run continues."""
         if code not in _WITHOUT_DECISION:
-            ending = _mode_changes().answered(self, code)
+            from henon_ref.integrator.mode_changes import answered  # most runs do not need it
+
+            ending = answered(self, code)
             return None if ending is None else self._end(*ending)
         if code == kernel.HORIZON or code == kernel.STOPPED:
             return self._end("ok", "")

@@ -1,9 +1,10 @@
-"""Folder of compiled code, and its replacement if it cannot be used.
+"""Folder of compiled code, its replacement if it cannot be used, and its files.
 
 The machine code in the folder is executed. Therefore the folder, and the subfolder in use, must belong to the user and
 must not be writable by group or others. No folder above may be writable by everybody, except with the sticky bit
 (``/tmp``). A symbolic link in place of the folder must belong to the user or root; its target is used under the same
-rules. Each file is checked again when it is read (:mod:`henon_ref.jit.cache_files`).
+rules. A file has a leading checksum, is written atomically, and is read only if it is intact and no other user could
+have written it; symbolic links are neither followed nor overwritten.
 
 If the folder is refused or cannot be written, a private temporary folder replaces it, for this process and the
 processes that it starts, until it ends. A cache never decides whether a run succeeds. The refusal is logged as a
@@ -20,6 +21,7 @@ import sys
 import tempfile
 from contextlib import suppress
 from functools import cache
+from hashlib import sha256
 from multiprocessing.util import Finalize
 from pathlib import Path
 
@@ -33,8 +35,8 @@ PRIVATE = 0o700
 """Mode of new folders."""
 LONGEST_NAME = 500
 """Largest number of characters of a path in a message."""
-_PROBE = 4096
-"""Bytes that a test file in the folder must be able to hold."""
+_CHECK = 32
+"""Bytes of a file's checksum: SHA-256 of its name and content."""
 _NOWHERE = Path(os.devnull, "henon_ref")
 """Path that cannot exist: no file is found or kept in it."""
 _LOG = logging.getLogger(__name__)
@@ -70,24 +72,18 @@ def _refused(wanted: Path, folder: Path) -> str | None:
     ``folder``: ``wanted`` with links resolved.
     """
     try:
-        reason = _link_of_another(wanted)
-        if reason is None:
-            folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
-            reason = _open_to_others(wanted, folder)
+        if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
+            return "it is a link of another user"
+        folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+        reason = _open_to_others(wanted, folder)
         if reason is None:
             with tempfile.TemporaryFile(dir=folder) as probe:
-                probe.write(bytes(_PROBE))
+                probe.write(bytes(4096))
     except FileExistsError:
         return "it is not a folder"
     except OSError as error:
         return f"it cannot be written ({error.strerror or error})"
     return reason
-
-
-def _link_of_another(wanted: Path) -> str | None:
-    if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
-        return "it is a link of another user"
-    return None
 
 
 def _open_to_others(wanted: Path, folder: Path) -> str | None:
@@ -137,3 +133,53 @@ def _named(path: Path) -> str:
     """Return a path as printable text; the middle of a long path is left out."""
     text = repr(str(path))
     return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME // 2]}...{text[-LONGEST_NAME // 2 :]}"
+
+
+def read(file: Path) -> bytes | None:
+    """Return the content of a file; None, with a log entry, if the file cannot be trusted; None if there is none."""
+    try:
+        with open(file, "rb", opener=_own_file) as stream:
+            status = os.fstat(stream.fileno())
+            why = foreign(status) if stat.S_ISREG(status.st_mode) else "it is not a file"
+            found = b"" if why else stream.read()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        why, found = error.strerror or str(error), b""
+    content = memoryview(found)[_CHECK:]
+    if why or found[:_CHECK] != _checksum(file, content):
+        _LOG.info("%s is not used and made anew: %s", file, why or "its checksum is wrong")
+        return None
+    return bytes(content)
+
+
+def write(file: Path, content: bytes) -> None:
+    """Write a file of the cache; a missing folder is made.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; an earlier version then remains.
+    """
+    file.parent.mkdir(mode=PRIVATE, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=file.parent)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(_checksum(file, content))
+            stream.write(content)
+        os.replace(name, file)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(name)
+        raise
+
+
+def _own_file(name: str, flags: int) -> int:
+    """Open without following a link, and without blocking on a pipe."""
+    return os.open(name, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o600)
+
+
+def _checksum(file: Path, content: bytes | memoryview) -> bytes:
+    made = sha256(file.name.encode() + b"\n")
+    made.update(content)
+    return made.digest()

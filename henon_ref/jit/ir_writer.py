@@ -6,14 +6,15 @@ written order, so the digits do not depend on the processor.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 from henon_ref.kernel.shared import kernel
 
 LANES: int = kernel.LANES
 """Number of doubles in a vector."""
-LIBM = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
 _OF_LIBM = "nobuiltin readnone nounwind"
 """Attributes of calls to the C library: no vector library (SVML, say), whose last digits differ, may replace them."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
@@ -38,7 +39,8 @@ def literal(value: float) -> str:
 
 def declarations() -> str:
     """LLVM declarations of the functions that generated code calls."""
-    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in LIBM]
+    functions = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
+    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in functions]
     lines.append(f"declare double @pow(double, double) {_OF_LIBM}")
     lines += [f"declare double @llvm.{f}.f64(double)" for f in _INTRINSICS if f != "fma"]
     lines.append("declare double @llvm.fma.f64(double, double, double)")
@@ -73,12 +75,27 @@ def loop_function(name: str, arguments: str, body: Sequence[str]) -> str:
     )
 
 
+def count(ir: str) -> int:
+    """Count floating-point operations in LLVM IR: each lane of a vector counts, a fused multiply-add counts twice."""
+    total = 0
+    for line in ir.splitlines():
+        if re.search(r"\b(fadd|fsub|fmul|fdiv)\b|llvm\.fma", line) and not line.startswith("declare"):
+            lanes = re.search(r"<(\d+) x double>", line)
+            total += (2 if "llvm.fma" in line else 1) * (int(lanes[1]) if lanes else 1)
+    return total
+
+
 class IRWriter:
     """Writer of the instructions of one function."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
         self._next = 0
+
+    @cached_property
+    def once(self) -> IRWriter:
+        """This writer, but an instruction that ``once`` has already written is not repeated: its value is returned."""
+        return _Once(self)
 
     def name(self) -> str:
         self._next += 1
@@ -211,6 +228,17 @@ class IRWriter:
         for first, second in new:
             total = self.fused(first, second, total)
         return total
+
+
+class _Once(IRWriter):
+    def __init__(self, w: IRWriter) -> None:
+        self._w, self.lines = w, w.lines
+        self._known: dict[str, str] = {}
+
+    def emit(self, text: str) -> str:
+        if text not in self._known:
+            self._known[text] = self._w.emit(text)
+        return self._known[text]
 
 
 def _chained(pairs: Sequence[tuple[str, str]], fused: Callable[[str, str, Value], Value]) -> tuple[Value, Value]:

@@ -1,4 +1,13 @@
-"""Compilation of LLVM IR to callable machine code by llvmlite, cached on disk by a hash of the IR or of its source."""
+"""Compilation of LLVM IR to callable machine code by llvmlite, cached on disk by a hash of the IR or of its source.
+
+The digits of the reference do not depend on the target. The optimiser may not fuse, reorder or approximate (no
+``fastmath``, no flags in our LLVM IR). Fused operations are explicit (``fma``, done by the C library on processors
+without it), sums keep their written order or independent parts, and vector code works lane by lane. The digits do
+depend on the C library, for the functions that it computes (exponential, logarithm, power, tangent, the inverse and
+hyperbolic functions, and the sines of states beyond 1e15). glibc has different versions for processors with and without
+FMA and AVX2, versions change between releases, and other systems have their own library. Modes and Python's ``math``
+call this one library; NumPy's functions, which depend on the processor, decide nothing.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +21,22 @@ from pathlib import Path
 import llvmlite
 import llvmlite.binding as llvm
 
-from henon_ref.jit.cache_files import read, write
-from henon_ref.jit.cache_folder import OBJECTS, cache_root
-from henon_ref.jit.target import target
+from henon_ref.jit.cache_folder import OBJECTS, cache_root, read, write
+from henon_ref.kernel.library import CPU_VARIABLE
 
 KEPT = 2048
 """Largest number of objects on disk; beyond it, the half that was unused for longest is removed."""
-_FORM = 2
-"""Version of the format of objects on disk."""
+
+
+def target() -> tuple[str, str]:
+    """LLVM's name and features of the processor for which this process compiles modes.
+
+    It is this machine's processor with its features, unless the variable ``HENON_REF_CPU`` names a processor: then the
+    features are that processor's own (empty). (``x86-64`` also selects the kernel's library for processors without
+    fused operations.)
+    """
+    named = os.environ.get(CPU_VARIABLE)
+    return (named, "") if named else (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 
 def _target(*, optimised: bool) -> llvm.TargetMachine:
@@ -60,7 +77,7 @@ class NativeModule:
         name = key if key is not None else text
         assert name is not None, "IR that is written only when it is needed has a key"
         level = "" if optimised and simplified else f"O{2 * optimised}{' simplified' * simplified}\n"
-        file = _objects() / hashlib.sha256((_maker() + level + name).encode()).hexdigest()
+        file = cache_root() / OBJECTS / hashlib.sha256((_maker() + level + name).encode()).hexdigest()
         known = _read(file)
         if known is not None:
             self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
@@ -93,13 +110,9 @@ def source_hash(*patterns: str) -> str:
 
 @cache
 def _maker() -> str:
-    """Text of everything besides the IR on which machine code depends."""
+    """Text of everything besides the IR on which machine code depends; first the version of the objects' format."""
     version = ".".join(map(str, llvm.llvm_version_info))
-    return f"{_FORM} {llvmlite.__version__} {version} {' '.join(target())}\n"
-
-
-def _objects() -> Path:
-    return cache_root() / OBJECTS
+    return f"2 {llvmlite.__version__} {version} {' '.join(target())}\n"
 
 
 def _read(file: Path) -> bytes | None:

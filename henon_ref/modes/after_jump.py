@@ -18,10 +18,13 @@ from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, impact_of, time_to_rest, turning_in_flight
+from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
 SEVERAL = "several surfaces reset the state at once"
+Terms = Sequence[tuple[Guard, Sequence[Any]]]
+"""Guards of a mode, each with its Taylor coefficients in time."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ def after_jump(
     try:
         end = Cascade(system, numbers, mode, t).end(x, hit, surfaces)
     except NO_VALUE:
-        return AfterJump(_not_finite(numbers, t), x)
+        return AfterJump(_not_finite(numbers, t, x), x)
     if isinstance(end, Decision):
         return AfterJump(end, x)
     return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
@@ -76,8 +79,8 @@ def _refused(reason: str) -> Decision:
     return Decision("none", None, reason)
 
 
-def _not_finite(numbers: Numbers, t: Any) -> Decision:
-    return _refused(f"the state after the reset at t = {numbers.text(t)} is not finite")
+def _not_finite(numbers: Numbers, t: Any, x: Sequence[Any]) -> Decision:
+    return _refused(f"the state after the reset at t = {numbers.at(t, x).when} is not finite")
 
 
 def without_speed(impact: Impact, numbers: Numbers, t: Any, x: Sequence[Any]) -> list[Any]:
@@ -102,11 +105,11 @@ class _Rule:
         try:
             valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
         except NO_VALUE:
-            return AfterJump(_not_finite(numbers, t), after)
+            return AfterJump(_not_finite(numbers, t, after), after)
         on = tuple(i for i, side in enumerate(sides) if side == 0)
         for i, rate in self.rates.items():
             sides[i] = -1 if rate.sign < 0 else 1
-        decision = numbers.decide(t, after, sides, valid)
+        decision = self._decided(after, sides, valid)
         if decision.mode is None or not self.rates:
             return AfterJump(decision, after, on=on)
         try:
@@ -114,15 +117,18 @@ class _Rule:
             beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
             return self._no_rest(beside[:1], SEVERAL) if beside else found
         except NO_VALUE:
-            return AfterJump(_refused(f"a derivative after t = {numbers.text(t)} is not finite"), after)
+            return AfterJump(_refused(f"a derivative after t = {numbers.at(t, after).when} is not finite"), after)
+
+    def _decided(self, x: Sequence[Any], sides: Sequence[int], valid: Sequence[int]) -> Decision:
+        """Decide the mode at a state at which surfaces and ``valid`` expressions have these signs."""
+        return mode_by_signs(self.numbers.at(self.t, x), sides, valid, where="after the reset")
 
     def _followed(self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]) -> AfterJump:
         assert decision.mode is not None
-        numbers, system, mode, after, sides = self.numbers, self.system, decision.mode, self.state, self.sides
-        series = numbers.guard_series(mode, self.t, after)
-        guards = system.equations(mode).guards
+        system, mode, after, sides = self.system, decision.mode, self.state, self.sides
+        terms = self._terms(mode)
         times: dict[int, Any] = {}
-        for guard, own in zip(guards, series, strict=True):
+        for guard, own in terms:
             i = guard.index
             if guard.kind != "surface" or i not in self.rates or mode[i] < 0:
                 continue
@@ -137,38 +143,41 @@ class _Rule:
             if rate.sign == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
                 sides[i] = 0
         if 0 in (sides[i] for i in self.rates):
-            decision = numbers.decide(self.t, after, sides, valid)
-            stays = () if decision.mode is None else tuple(i for i in self.rates if decision.mode[i] == 0)
-            rest = None
-            if stays and decision.mode is not None:
-                now = 0 * self.t
-                rest = Rest(now, self._at_rest(stays, after, decision.mode, now), decision.mode)
-            still = () if rest else tuple(i for i in self.rates if sides[i] == 0)
-            return AfterJump(Decision("unique", mode) if rest else decision, after, on=on, rest=rest, still=still)
+            decision = self._decided(after, sides, valid)
+            stuck = decision.mode
+            stays = tuple(i for i in self.rates if stuck is not None and stuck[i] == 0)
+            if stuck is None or not stays:
+                return AfterJump(decision, after, on=on, still=tuple(i for i in self.rates if sides[i] == 0))
+            now = 0 * self.t
+            rest = Rest(now, self._at_rest(stays, after, stuck, now), stuck)
+            return AfterJump(Decision("unique", mode), after, on=on, rest=rest)
         if not times:
             return AfterJump(decision, after, on=on)
         at_rest = self._mode_at_rest(times, mode, after, sides, valid)
         stuck = at_rest.mode or mode
-        why = self._refusal(times, mode, at_rest, guards, series)
-        if why:
+        if why := self._refusal(times, mode, at_rest, terms):
             return self._no_rest(times, why)
         time = next(iter(times.values()))  # several times are all 0
         at_end = self._at_rest(tuple(times), after, stuck, time)
-        rest = Rest(time, at_end, self._past_sections(stuck, guards, series, time, at_end))
+        rest = Rest(time, at_end, self._past_sections(stuck, terms, time, at_end))
         return AfterJump(decision, after, on=on, rest=rest)
 
     def _accumulating(self, mode: Mode, most: Any) -> list[int]:
         """Return the surfaces whose impacts accumulate, in addition to those on which bodies rest at once."""
-        series, found = self.numbers.guard_series(mode, self.t, self.state), []
-        for guard, own in zip(self.system.equations(mode).guards, series, strict=True):
+        found = []
+        for guard, own in self._terms(mode):
             rate = self.rates.get(guard.index) if guard.kind == "surface" else None
             if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
                 found.append(guard.index)
         return found
 
+    def _terms(self, mode: Mode) -> Terms:
+        series = self.numbers.guard_series(mode, self.t, self.state)
+        return list(zip(self.system.equations(mode).guards, series, strict=True))
+
     def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
-        names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.text(self.t)
-        reason = f"impacts on {names} accumulate after t = {at}, and no rest is derived: {why}"
+        names, at = listed([self.system.sign_names[i] for i in surfaces]), self.numbers.at(self.t, self.state)
+        reason = f"impacts on {names} accumulate after t = {at.when}, and no rest is derived: {why}"
         return AfterJump(_refused(reason), self.state)
 
     def _turned(self, index: int, mode: Mode) -> list[int]:
@@ -198,16 +207,9 @@ class _Rule:
         if not undecided:
             return Decision("unique", stuck)
         still = [0 if i in times or i in undecided else side for i, side in enumerate(sides)]
-        return self.numbers.decide(self.t, x, still, valid)
+        return self._decided(x, still, valid)
 
-    def _refusal(
-        self,
-        times: Mapping[int, Any],
-        mode: Mode,
-        at_rest: Decision,
-        guards: Sequence[Guard],
-        series: Sequence[Sequence[Any]],
-    ) -> str:
+    def _refusal(self, times: Mapping[int, Any], mode: Mode, at_rest: Decision, terms: Terms) -> str:
         """Return why rest after accumulating impacts cannot be derived; empty if it can."""
         system, numbers = self.system, self.numbers
         for i in times:
@@ -228,7 +230,7 @@ class _Rule:
         except ModelError as error:
             return str(error)
         passed = system.observed | set(times) | {j for i in times for j in turning_in_flight(system, i)}
-        for guard, own in zip(guards, series, strict=True):
+        for guard, own in terms:
             value, rate, bend, *_ = own
             stays = not any(map(numbers.sign, own))  # rest on a kink, say
             if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
@@ -237,14 +239,12 @@ class _Rule:
                     return "another event is as close"
         return ""
 
-    def _past_sections(
-        self, mode: Mode, guards: Sequence[Guard], series: Sequence[Sequence[Any]], time: Any, rest: Sequence[Any]
-    ) -> Mode:
+    def _past_sections(self, mode: Mode, terms: Terms, time: Any, rest: Sequence[Any]) -> Mode:
         """Return the mode at rest, in which sections are crossed that change their side during the last flights.
 
         A section that ends near zero, relative to its change, keeps its entry: the rest is on it, within rounding.
         """
-        for guard, (_, rate, bend, *_) in zip(guards, series, strict=True):
+        for guard, (_, rate, bend, *_) in terms:
             if guard.kind == "surface" and guard.index in self.system.observed:
                 (end,) = self.numbers.values((self.system.surfaces[guard.index],), self.t + time, rest)
                 if abs(end) > SHRUNK * (abs(rate) * time + abs(bend) * time * time):

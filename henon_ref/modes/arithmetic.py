@@ -15,7 +15,7 @@ from flint import arb
 
 from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode
+from henon_ref.modes.mode import CLEAR, Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import FLOAT, Ring
 
@@ -23,14 +23,8 @@ NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
 """Exceptions of ``math`` and python-flint for an expression without a finite value."""
 ZERO = 1e-13
 """Relative size below which a derivative counts as zero (doubles cannot resolve a tangency below it)."""
-NOISE = 1e-13
-"""Part of the following coefficients below which a coefficient is rounding noise of a zero."""
-CLEAR = 1e-9
-"""Part of the size of its terms above which a value is clearly not zero."""
 ORDER = 8
 """Number of derivatives that are computed before a contact counts as one that never separates."""
-DIGITS = 75
-"""Decimal digits of constants in balls: more than the working precision has."""
 RING = Ring({name: getattr(arb, name) for name in FUNCTIONS}, arb.__pow__)
 
 Leading = tuple[int, int]
@@ -50,9 +44,23 @@ class Doubles:
     def number(self, exact: sp.Expr) -> float:
         return float(exact)
 
-    def rate(self, states: Sequence[Sequence[float]], outputs: Sequence[Sequence[float]]) -> float:
-        """Inverse time that makes coefficients of two orders comparable."""
-        return rate_of(states, outputs)
+    def rate(self, states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
+        """Return an inverse time scale of the solution, which makes coefficients of different orders comparable.
+
+        It is the largest growth rate of the states' coefficients relative to their slopes, and of the guards' high
+        orders (whose low orders may be zeros changed by rounding). Coefficients that are noise are not used as a scale.
+        """
+        rate = 0.0
+        for series in states:
+            rate = max(rate, _growth(series, 3 if _noise(series, 1, 3) else 1))
+        for series in guards:
+            for j in range(2, len(series) // 2 + 1):
+                if series[j] == 0 or _noise(series, j, j + 1):
+                    continue
+                for k in range(j + 2, len(series)):
+                    if series[k] != 0:
+                        rate = max(rate, (abs(series[k]) / abs(series[j])) ** (1 / (k - j)))
+        return rate or 1.0
 
     def leading(self, series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
         """Index of the first coefficient from ``first`` on that is not zero relative to ``size`` and the rest."""
@@ -73,7 +81,7 @@ class Doubles:
 
     def equal(self, one: Sequence[float], other: Sequence[float]) -> bool:
         """Check whether two series are equal up to rounding."""
-        rate = rate_of([one, other])
+        rate = self.rate([one, other])
         pairs = list(zip(scaled(one, rate), scaled(other, rate), strict=True))
         largest = max(abs(c) for pair in pairs for c in pair)
         return all(abs(a - b) <= ZERO * largest for a, b in pairs)
@@ -87,11 +95,11 @@ class Balls:
     carries_errors = True
 
     def number(self, exact: sp.Expr) -> arb:
-        return arb(str(sp.N(exact, DIGITS))).mid()
+        return arb(str(sp.N(exact, 75))).mid()  # more digits than the working precision has
 
-    def rate(self, states: Sequence[Sequence[arb]], outputs: Sequence[Sequence[arb]]) -> float:
+    def rate(self, states: Sequence[Sequence[arb]], guards: Sequence[Sequence[arb]]) -> float:
         """1: each coefficient is compared with zero by itself; ValueError if one is not finite."""
-        if not all(c.is_finite() for series in outputs for c in series):
+        if not all(c.is_finite() for series in guards for c in series):
             raise ValueError("a derivative is not finite")
         return 1.0
 
@@ -154,25 +162,6 @@ class Point(Protocol):
         """Whether two modes with equations have the same motion, in all derivatives that are computed."""
 
 
-def rate_of(states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
-    """Return an inverse time scale of the solution, which makes coefficients of different orders comparable.
-
-    It is the largest growth rate of the states' coefficients relative to their slopes, and of the guards' high orders
-    (whose low orders may be zeros changed by rounding). Coefficients that are noise are not used as a scale.
-    """
-    rate = 0.0
-    for series in states:
-        rate = max(rate, _growth(series, 3 if _noise(series, 1, 3) else 1))
-    for series in guards:
-        for j in range(2, len(series) // 2 + 1):
-            if series[j] == 0 or _noise(series, j, j + 1):
-                continue
-            for k in range(j + 2, len(series)):
-                if series[k] != 0:
-                    rate = max(rate, (abs(series[k]) / abs(series[j])) ** (1 / (k - j)))
-    return rate or 1.0
-
-
 def _growth(series: Sequence[float], first: int) -> float:
     """Return the growth rate of coefficients from the larger of the two at ``first``; 0 if both are zero."""
     slope, rate = max((abs(c) for c in series[first : first + 2]), default=0.0), 0.0
@@ -183,9 +172,12 @@ def _growth(series: Sequence[float], first: int) -> float:
 
 
 def _noise(series: Sequence[float], first: int, after: int) -> bool:
-    """Check whether coefficients are negligible against the following two, in units of the growth rate of these."""
+    """Check whether coefficients are rounding noise of zeros: negligible against the following two.
+
+    Both are in units of the growth rate of these two.
+    """
     terms = [abs(c) for c in scaled(series, _growth(series, after) or 1.0)]
-    return 0.0 < max(terms[first:after]) <= NOISE * max(terms[after : after + 2], default=0.0)
+    return 0.0 < max(terms[first:after]) <= 1e-13 * max(terms[after : after + 2], default=0.0)
 
 
 def scaled(series: Sequence[float], rate: float) -> list[float]:

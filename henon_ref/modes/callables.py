@@ -23,8 +23,6 @@ from henon_ref.taylor.tape import TIME
 Scalar = Callable[..., tuple[float, ...]]
 """``f(t, *x)`` -> one float per expression."""
 
-LONGEST = 2**53
-"""Largest integer up to which all integers are doubles."""
 ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
 """Exceptions of ``math`` for an expression without a finite value."""
 
@@ -64,7 +62,7 @@ def with_rounded_constants(expressions: Iterable[sp.Expr]) -> tuple[sp.Expr, ...
 
 
 def _constant(number: sp.Expr) -> sp.Expr:
-    return number if number.is_Integer and abs(number) <= LONGEST else _float(number)
+    return number if number.is_Integer and abs(number) <= 2**53 else _float(number)  # up to 2**53 all are doubles
 
 
 def _float(number: sp.Expr) -> sp.Float:
@@ -144,14 +142,8 @@ def interpreted(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) ->
 class Jacobian:
     """df/dx by SymPy; only entries that are not identically zero are evaluated.
 
-    Parameters
-    ----------
-    states, field : sequences of Symbol and Expr
-        Unknowns, and the functions of them to differentiate.
-    switches : sequence of Symbol
-        Further symbols of the field, whose values :meth:`at` sets.
-    function : callable
-        Makes ``f(t, x)`` of symbols and expressions, as :func:`interpreted` does.
+    ``switches``: further symbols of the field, whose values :meth:`at` sets; ``function`` makes ``f(t, x)`` of symbols
+    and expressions, as :func:`interpreted` does.
     """
 
     def __init__(

@@ -18,6 +18,7 @@ from functools import lru_cache
 from typing import Any, Protocol
 
 import sympy as sp
+from sympy.utilities.iterables import connected_components
 
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
@@ -44,14 +45,11 @@ class Numbers(Protocol):
     def sign(self, value: Any) -> int:
         """Sign of a value; 0 if it cannot be distinguished from zero."""
 
-    def text(self, t: Any) -> str:
-        """Time as messages name it."""
-
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
         """Taylor coefficients in time of a mode's guards."""
 
-    def decide(self, t: Any, x: Sequence[Any], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Decide the mode at a point at which surfaces and ``valid`` expressions have these signs."""
+    def at(self, t: Any, x: Sequence[Any]) -> Any:
+        """:class:`~henon_ref.modes.arithmetic.Point` at which modes are decided; messages contain its ``when``."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,8 @@ class Cascade:
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             if self._endless or self._count >= MOST:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
-                reason = f"more than {MOST} maps at one instant, t = {self._numbers.text(self._t)}: resets of {names}"
+                when = self._numbers.at(self._t, made[-1].state).when
+                reason = f"more than {MOST} maps at one instant, t = {when}: resets of {names}"
                 return Decision("none", None, reason)
             made.append(self._after(made[-1], self._next(made[-1])[0]))
         return made
@@ -152,8 +151,8 @@ class Cascade:
         impacts = [impact_of(self._system, i) for i in either]
         bodies = all(impact is not None and not impact.refusal for impact in impacts)
         what = "impacts at one instant that share a body" if bodies else "resets at one instant whose order matters"
-        reason = f"the future is not unique at t = {self._numbers.text(self._t)}: {what}: {names}"
-        return Decision("nonunique", None, reason)
+        when = self._numbers.at(self._t, other.state).when
+        return Decision("nonunique", None, f"the future is not unique at t = {when}: {what}: {names}")
 
     def _after(self, now: Instant, index: int) -> Instant:
         self._count += 1
@@ -246,15 +245,11 @@ def acting_groups(system: FilippovSystem) -> tuple[int, ...]:
 
     Two resets act on each other if the map of one moves a state on which the surface, rate or map of the other depends.
     """
-    groups = list(range(len(system.surfaces)))
-    touched = {i: _touched(system, i) for i in sorted(system.resets)}
-    for i in touched:
-        moved = {system.states[k] for k in jump_of(system, i).moved}
-        for j, own in touched.items():
-            if moved & own:
-                first, last = sorted((groups[i], groups[j]))
-                groups = [first if group == last else group for group in groups]
-    return tuple(groups)
+    touched = {i: _touched(system, i) for i in system.resets}
+    moved = {i: {system.states[k] for k in jump_of(system, i).moved} for i in system.resets}
+    edges = [(i, j) for i in moved for j in touched if moved[i] & touched[j]]
+    lowest = {i: min(part) for part in connected_components((list(touched), edges)) for i in part}
+    return tuple(lowest.get(i, i) for i in range(len(system.surfaces)))
 
 
 def _touched(system: FilippovSystem, index: int) -> set[sp.Basic]:

@@ -139,19 +139,9 @@ def loop_ends(
 ) -> dict[int, tuple[Guard, ...]]:
     """Return the guards of contacts in loops, by surface: the guards of a cut are listed with its first contact.
 
-    Parameters
-    ----------
-    system : SwitchedField
-    found : sequence of Relation
-    zones : mapping
-        Surface -> the two ends of its hold zone, in signs of other surfaces; one end for a rest.
-    signs : mapping
-        Sign -> its expression in the signs of the surfaces that relations determine, which are free.
-
-    Raises
-    ------
-    ModelError
-        If the loads around a loop are not in proportion to the relation, as action and reaction are.
+    ``zones``: surface -> the two ends of its hold zone, in signs of other surfaces; one end for a rest. ``signs``: sign
+    -> its expression in the signs of the surfaces that the relations ``found`` determine, which are free. ModelError if
+    the loads around a loop are not in proportion to the relation, as action and reaction are.
     """
     guards: dict[int, tuple[Guard, ...]] = {}
     for loop in loops(found):
@@ -196,9 +186,16 @@ def _weights(
     while left:
         relation = next((r for r in left if any(i in weights for i in r)), left[0])
         left.remove(relation)
-        free = system.signs[max(relation)]
+        free, shares = system.signs[max(relation)], dict[int, sp.Expr]()
         others = {system.signs[max(r)]: sp.S.Zero for r in loop if r is not relation}
-        shares = {i: _share(system, ends[i], signs, free, others) / factor for i, factor in relation.items()}
+        for i, factor in relation.items():  # slopes of the loads in the free sign
+            slopes = [
+                -way * sp.diff(put(put(end.expression, signs), others), free) for way, end in sorted(ends[i].items())
+            ]
+            share, last = system.sample((slopes[0], slopes[-1]))
+            if abs(last - share) > AGREE * (1 + abs(share)) or share == 0:
+                raise ModelError(f"{system.sign_names[i]} does not carry the load around its loop of contacts")
+            shares[i] = slopes[0] / factor
         known = next((i for i in relation if i in weights), max(relation))
         unit = weights.setdefault(known, sp.S.One) / shares[known]
         for i, share in shares.items():
@@ -209,18 +206,3 @@ def _weights(
                 raise ModelError(f"the loads of the contacts of the loop {names} are not action and reaction: {weight}")
             weights[i] = sp.S.One if abs(size - 1) <= AGREE else simplified(weight)
     return weights
-
-
-def _share(
-    system: SwitchedField,
-    ends: Mapping[int, Guard],
-    signs: Mapping[sp.Symbol, sp.Expr],
-    free: sp.Symbol,
-    others: Mapping[sp.Symbol, sp.Expr],
-) -> sp.Expr:
-    """Return the slope of a contact's load in a free sign."""
-    slopes = [-way * sp.diff(put(put(ends[way].expression, signs), dict(others)), free) for way in sorted(ends)]
-    share, last = system.sample((slopes[0], slopes[-1]))
-    if abs(last - share) > AGREE * (1 + abs(share)) or share == 0:
-        raise ModelError(f"{system.sign_names[ends[1].index]} does not carry the load around its loop of contacts")
-    return slopes[0]

@@ -9,18 +9,20 @@ unless the contact's override has a ``push``.
 A mode states which contacts hold (N_i = 0) and in which direction the others slip. It is found in double precision by
 block principal pivoting (Júdice and Pires, *Comput. Oper. Res.* 21 (1994) 587-596) and, if blocks make no progress, by
 Murty's rule of the last index, which terminates. A proof checks the conditions of the minimum for this solution in ball
-arithmetic (:mod:`henon_ref.enclosure.contact_proof`).
+arithmetic (:mod:`henon_ref.enclosure.consistency`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
+from sympy.utilities.iterables import connected_components
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import put
@@ -28,16 +30,12 @@ from henon_ref.modes.decision import with_entries
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
-COMPLIANCE = 1e-9
-"""Compliance of a contact, relative to its inverse inertia; it determines how contacts in a loop share loads."""
 TIE = 1e-6
 """Relative acceleration, as a part of its terms, below which it may be zero."""
 ROUNDING = 1e-12
 """Part of its terms by which a number may exceed a bound through rounding."""
-PATIENCE, MOST_PIVOTS = 10, 100
-"""Largest number of successive block pivots without progress; largest number of pivots per contact."""
-RANK = 1e-8
-"""Part of a contact's inverse inertia below which the remainder, with the other contacts held, counts as zero."""
+PATIENCE = 10
+"""Largest number of successive block pivots without progress."""
 
 Row = list[Any]
 Settled = Callable[[list[int], int], bool]
@@ -49,7 +47,10 @@ Values = Callable[[tuple[sp.Expr, ...], Mode], Sequence[Any] | None]
 
 
 class ContactProblem(NamedTuple):
-    """Relative accelerations ``N = free - matrix s`` of m contacts and bounds of their forces s, in any arithmetic."""
+    """Relative accelerations ``N = free - matrix s`` of m contacts and bounds of their forces s, in any arithmetic.
+
+    The bounds hold after a contact has slipped (kinetic friction).
+    """
 
     free: Row
     """N without contact forces, shape (m,)."""
@@ -58,6 +59,8 @@ class ContactProblem(NamedTuple):
     lower: Row
     """Least force of each contact, None if unbounded."""
     upper: Row
+    static: Mapping[int, tuple[Any, Any]] = {}
+    """Place of a contact -> least and largest force before it slips (static friction); None if unbounded."""
 
 
 class Accelerations(NamedTuple):
@@ -85,13 +88,14 @@ def solved(problem: ContactProblem) -> Accelerations:
     free = np.array([float(v) for v in problem.free])
     given = np.array([[float(v) for v in row] for row in problem.matrix]).reshape(count, count)
     scale = np.diag(given)
-    matrix = given / scale + COMPLIANCE * np.eye(count)  # forces in units of the acceleration that they cause
+    # Forces are in units of the acceleration that they cause; a compliance determines the loads in a loop of contacts.
+    matrix = given / scale + 1e-9 * np.eye(count)
     lower, upper = (
         scale * np.array([way * np.inf if v is None else float(v) for v in bounds])
         for way, bounds in ((-1, problem.lower), (1, problem.upper))
     )
     entries, fewest, patience = np.zeros(count, dtype=int), count + 1, PATIENCE
-    for _ in range(MOST_PIVOTS * (count + 1)):
+    for _ in range(100 * (count + 1)):
         held = entries == 0
         forces = np.where(entries > 0, upper, np.where(entries < 0, lower, 0.0))
         rest = free - matrix[:, ~held] @ forces[~held]
@@ -122,25 +126,16 @@ def independent_of(problem: ContactProblem, order: Sequence[int]) -> list[int]:
     matrix = np.array([[float(v) for v in row] for row in problem.matrix])
     own, chosen = np.diag(matrix).copy(), list[int]()
     for k in order:
-        if matrix[k, k] > RANK * own[k]:
+        if matrix[k, k] > 1e-8 * own[k]:  # what remains of its inverse inertia, with the chosen contacts held
             chosen.append(k)
             matrix = matrix - np.outer(matrix[:, k], matrix[k]) / matrix[k, k]
     return chosen
 
 
-class Balance(NamedTuple):
-    """Relative accelerations of a group and limits of its static friction."""
-
-    problem: ContactProblem
-    """Contact problem with the limits that hold after a contact has slipped (kinetic friction)."""
-    static: Mapping[int, tuple[Any, Any]]
-    """Place of a contact -> least and largest force before it slips (static friction); None if unbounded."""
-
-
-def balance_of(
+def problem_of(
     system: FilippovSystem, mode: Mode, contacts: tuple[int, ...], values: Values, negative: Negative
-) -> Balance | None:
-    """Return the balance of a group; the entries of all other surfaces are those of ``mode``.
+) -> ContactProblem | None:
+    """Return the problem of a group; the entries of all other surfaces are those of ``mode``.
 
     None if the accelerations are not affine in the forces or not finite, or if a force does not act on its own contact.
     """
@@ -170,7 +165,7 @@ def balance_of(
         if ends:
             limits = {side: (end[0] + side * inertia * own[0]) / (inertia * matrix[k][k]) for side, end in ends}
             static[k] = (-limits[-1] if -1 in limits else None), limits.get(1)
-    return Balance(ContactProblem(free, matrix, lower, upper), static)
+    return ContactProblem(free, matrix, lower, upper, static)
 
 
 def _rows(
@@ -233,9 +228,6 @@ def _together(system: FilippovSystem, group: tuple[int, ...]) -> tuple[list[froz
     """Return the contacts, by place, in each expression; and an evaluation number of each contact."""
     contacts = {system.signs[i]: k for k, i in enumerate(group)}
     own = [frozenset(contacts[s] for s in e.free_symbols if s in contacts) for e in _written(system, group)]
-    parts: list[frozenset[int]] = []
-    for few in own:
-        joined = [part for part in parts if part & few]
-        parts = [part for part in parts if not part & few] + [few.union(*joined)]
+    parts = connected_components((range(len(group)), [pair for few in own for pair in pairwise(sorted(few))]))
     places = {k: place for part in parts for place, k in enumerate(sorted(part))}
-    return own, [places.get(k, 0) for k in range(len(group))]
+    return own, [places[k] for k in range(len(group))]

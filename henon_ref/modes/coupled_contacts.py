@@ -39,11 +39,6 @@ from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 
-MOST = 64
-"""Largest number of contacts for which these equations are tried."""
-DEFINITE = 1e-9
-"""Smallest eigenvalue of a definite matrix, as a part of the largest."""
-
 Row = dict[int, sp.Expr]
 """Contact -> entry in its column; zeros are left out."""
 
@@ -66,7 +61,7 @@ def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
     """Return one set of equations for all modes of contacts that act on each other; None for other systems."""
     acting = acting_rows(system)
     slid = [i for i, sign in enumerate(system.signs) if not is_crossed(system, i, acting[sign])]
-    if not slid or len(system.surfaces) > MOST or not all(_ends_known(system, i) for i in slid):
+    if not slid or len(system.surfaces) > 64 or not all(_ends_known(system, i) for i in slid):
         return None
     signs, surfaces = ([part[i] for i in slid] for part in (system.signs, system.surfaces))
     own_field = SwitchedField(system.states, tuple(signs), tuple(surfaces), system.field, system.parameters)
@@ -75,22 +70,14 @@ def coupled_equations(system: SwitchedField) -> SwitchedEquations | None:
         beside = {*system.signs} - {*signs}
         if any(not f.free_symbols.isdisjoint(beside) for f in forces.friction):
             return None  # on one side the friction may be zero, so that no sign keeps the surface
-        if not (_common(own_field, own) and _definite(own_field, own, forces)):
+        moving, acts = {TIME, *system.states}, [(system.states[k], signs[i]) for i, k in own.items()]
+        pairs = [(rate, x, sign) for x, sign in acts for rate in system.field if rate.has(sign)]
+        if not all(common_to_all(*pair, moving) for pair in pairs) or not _definite(own_field, own, forces):
             return None
         made = _equations(own_field, system, slid, own, forces)
     except ModelError:  # raised below if the system is not of this kind
         return None
     return None if any(e.has(sp.zoo, sp.nan) for e in made.outputs) else made
-
-
-def _common(system: SwitchedField, own: Mapping[int, int]) -> bool:
-    moving = {TIME, *system.states}
-    return all(
-        common_to_all(rate, system.states[k], system.signs[i], moving)
-        for i, k in own.items()
-        for rate in system.field
-        if rate.has(system.signs[i])
-    )
 
 
 def _ends_known(system: SwitchedField, index: int) -> bool:
@@ -195,7 +182,7 @@ def _definite(system: SwitchedField, own: Mapping[int, int], forces: Forces) -> 
     whole = matrix * scale
     eigenvalues = np.linalg.eigvalsh(whole)
     symmetric = np.allclose(whole, whole.T, rtol=1e-12, atol=0)
-    return bool(symmetric and eigenvalues[0] > DEFINITE * eigenvalues[-1] and np.all(np.diag(matrix) * friction <= 0))
+    return bool(symmetric and eigenvalues[0] > 1e-9 * eigenvalues[-1] and np.all(np.diag(matrix) * friction <= 0))
 
 
 def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.Expr]:
@@ -203,99 +190,101 @@ def _there(system: SwitchedField, index: int, state: int) -> dict[sp.Symbol, sp.
     return {x: sp.expand(x - h / system.constant_slope(h, x))}
 
 
-class _Solution:
-    """Elimination for the forces: definitions of names, each in terms of earlier names, time and states."""
+Definitions = dict[sp.Symbol, sp.Expr]
+"""Name -> its expression in earlier names, time and states."""
 
-    def __init__(self, count: int) -> None:
-        self.definitions: list[tuple[sp.Symbol, sp.Expr]] = []
-        self.forces = [sp.Symbol(f"force_{i}", real=True) for i in range(count)]
 
-    def named(self, name: str, expression: sp.Expr) -> sp.Expr:
-        """Return a name defined as the expression, or the expression itself if it is a number or symbol."""
-        if expression.is_Atom:
-            return expression
-        symbol = sp.Symbol(name, real=True)
-        self.definitions.append((symbol, expression))
-        return symbol
+def _named(known: Definitions, name: str, expression: sp.Expr) -> sp.Expr:
+    """Return a name defined as the expression, or the expression itself if it is a number or symbol."""
+    if expression.is_Atom:
+        return expression
+    symbol = sp.Symbol(name, real=True)
+    known[symbol] = expression
+    return symbol
 
-    def solve(self, matrix: list[Row], right: list[sp.Expr]) -> None:
-        """Solve for the forces; the next pivot row is the one with the fewest columns of remaining rows."""
-        order: list[int] = []
-        left = set(range(len(matrix)))
-        inverse: dict[int, sp.Expr] = {}
-        while left:
-            i = min(left, key=lambda i: (sum(j in left for j in matrix[i]), i))
-            left.remove(i)
-            order.append(i)
-            inverse[i] = self.named(f"inverse_{i}", 1 / self.named(f"pivot_{i}", matrix[i][i]))
-            right[i] = self.named(f"right_{i}", right[i])
-            for r in sorted(left):
-                if i in matrix[r]:
-                    factor = self.named(f"factor_{r}_{i}", matrix[r].pop(i) * inverse[i])
-                    right[r] -= factor * right[i]
-                    for j in left:
-                        if j in matrix[i]:
-                            matrix[r][j] = matrix[r].get(j, sp.S.Zero) - factor * matrix[i][j]
-        for i in reversed(order):
-            later = order[order.index(i) + 1 :]
-            rest = sp.Add(right[i], *(-matrix[i][j] * self.forces[j] for j in later if j in matrix[i]))
-            self.definitions.append((self.forces[i], inverse[i] * rest))
+
+def _eliminated(matrix: list[Row], right: list[sp.Expr]) -> tuple[Definitions, list[sp.Symbol]]:
+    """Return the solution of a linear system for the forces: definitions, and the names of the forces.
+
+    The next pivot row is the one with the fewest columns of remaining rows.
+    """
+    known: Definitions = {}
+    order: list[int] = []
+    left = set(range(len(matrix)))
+    inverse: dict[int, sp.Expr] = {}
+    while left:
+        i = min(left, key=lambda i: (sum(j in left for j in matrix[i]), i))
+        left.remove(i)
+        order.append(i)
+        inverse[i] = _named(known, f"inverse_{i}", 1 / _named(known, f"pivot_{i}", matrix[i][i]))
+        right[i] = _named(known, f"right_{i}", right[i])
+        for r in sorted(left):
+            if i in matrix[r]:
+                factor = _named(known, f"factor_{r}_{i}", matrix[r].pop(i) * inverse[i])
+                right[r] -= factor * right[i]
+                for j in left:
+                    if j in matrix[i]:
+                        matrix[r][j] = matrix[r].get(j, sp.S.Zero) - factor * matrix[i][j]
+    forces = [sp.Symbol(f"force_{i}", real=True) for i in range(len(matrix))]
+    for i in reversed(order):
+        later = order[order.index(i) + 1 :]
+        rest = sp.Add(right[i], *(-matrix[i][j] * forces[j] for j in later if j in matrix[i]))
+        known[forces[i]] = inverse[i] * rest
+    return known, forces
 
 
 def _equations(
-    system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], forces: Forces
+    system: SwitchedField, held: SwitchedField, slid: Sequence[int], own: Mapping[int, int], acting: Forces
 ) -> SwitchedEquations:
     """Return the equations; ``system`` has only the surfaces with sliding: ``slid``, as indices of ``held``."""
     entries = entries_of(held.signs)
     switches = [tuple(entries[i][0])[1:] for i in slid]
-    solution = _Solution(len(switches))
     matrix, right = list[Row](), list[sp.Expr]()
     for i, (slip, slide) in enumerate(switches):
-        row = {j: slide * slope for j, slope in forces.slopes[i].items()}
+        row = {j: slide * slope for j, slope in acting.slopes[i].items()}
         matrix.append({**row, i: slip + row.get(i, sp.S.Zero)})
-        free = along(system.surfaces[i], system.states, forces.free)
-        right.append(slip * forces.friction[i] - slide * free)
-    solution.solve(matrix, right)
+        free = along(system.surfaces[i], system.states, acting.free)
+        right.append(slip * acting.friction[i] - slide * free)
+    known, forces = _eliminated(matrix, right)
     rates = [
-        sp.Add(free, *(share * solution.forces[i] for i, share in row.items()))
-        for free, row in zip(forces.free, forces.shares, strict=True)
+        sp.Add(free, *(share * forces[i] for i, share in row.items()))
+        for free, row in zip(acting.free, acting.shares, strict=True)
     ]
     contacts: dict[int, Contact] = {}
     for i in reversed(own):  # the rates of earlier surfaces' states contain the states of later surfaces
         k = own[i]
         there = _there(system, i, k)
         kept = along(there[system.states[k]], system.states, tuple(rates))
-        ends = _ends(system, held, slid, i, forces, solution.forces, there)
-        contacts[slid[i]] = Contact(k, rates[k], kept, ends)
+        contacts[slid[i]] = Contact(k, rates[k], kept, _ends(system, held, slid[i], i, acting.friction, forces, there))
         slip, slide = switches[i]
-        rates[k] = solution.named(f"rate_{k}", slip * rates[k] + slide * kept)
+        rates[k] = _named(known, f"rate_{k}", slip * rates[k] + slide * kept)
     made = tuple(contacts.get(i) for i in range(len(entries)))
-    return SwitchedEquations(held, entries, made, tuple(rates), tuple(solution.definitions))
+    return SwitchedEquations(held, entries, made, tuple(rates), tuple(known.items()))
 
 
 def _ends(
     system: SwitchedField,
     held: SwitchedField,
-    slid: Sequence[int],
+    surface: int,
     index: int,
-    forces: Forces,
+    friction: Sequence[sp.Expr],
     names: Sequence[sp.Symbol],
     there: Mapping[sp.Symbol, sp.Expr],
 ) -> tuple[Guard, Guard]:
-    if slid[index] not in held.overrides:
-        sign, guards = system.signs[index], []
-        for side in (1, -1):
-            limit = put(put(forces.friction[index], {sign: sp.Integer(side)}), there)
-            guards.append(Guard("release", slid[index], side, 1 - names[index] / limit))
-        return guards[0], guards[1]
+    """Return the guards that end the sliding on a ``surface`` of ``held``; ``index``: its index in ``system``."""
     guards = []
-    for guard in held.hold_guards(slid[index]):
+    if surface not in held.overrides:
+        for side in (1, -1):
+            limit = put(put(friction[index], {system.signs[index]: sp.Integer(side)}), there)
+            guards.append(Guard("release", surface, side, 1 - names[index] / limit))
+        return guards[0], guards[1]
+    for guard in held.hold_guards(surface):
         rest, terms = _parts(system, guard.expression)
         if index in terms:
             raise ModelError("a load that depends on its own contact's sign")
         expression = put(rest, there)
         for j, term in terms.items():
-            share = cancelled(put(term, there) / put(forces.friction[j], there))
+            share = cancelled(put(term, there) / put(friction[j], there))
             expression += _constant(system, share) * names[j]
         guards.append(replace(guard, expression=expression))
     return guards[0], guards[1]

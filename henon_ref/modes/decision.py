@@ -57,15 +57,11 @@ def _powers(system: FilippovSystem, surfaces: tuple[int, ...]) -> str:
     """Return the message about surfaces whose gradient vanishes on them."""
     words = ""
     for i in surfaces:
-        name, h = system.sign_names[i], system.surfaces[i]
-        if _repeats(h, {TIME, *system.states}):
+        powers = [factor.as_base_exp() for factor in sp.Mul.make_args(system.surfaces[i])]
+        if any(base.free_symbols & {TIME, *system.states} and e.is_number and e > 1 for base, e in powers):
+            name = system.sign_names[i]
             words += f"; the surface of {name} has a repeated factor, so that its gradient vanishes there"
     return words
-
-
-def _repeats(expression: sp.Expr, variables: set[sp.Symbol]) -> bool:
-    powers = (factor.as_base_exp() for factor in sp.Mul.make_args(expression))
-    return any(base.free_symbols & variables and exponent.is_number and exponent > 1 for base, exponent in powers)
 
 
 def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) -> Decision | None:
@@ -76,10 +72,8 @@ def ended(system: FilippovSystem, mode: Mode, hits: Sequence[Guard], time: str) 
     return None
 
 
-@lru_cache(maxsize=64)
-def _text(expression: sp.Expr) -> str:
-    """Return the expression as text; cached, since printing takes longer than most runs that end there."""
-    return str(expression)
+_text = lru_cache(maxsize=64)(str)
+"""Text of an expression; cached, since printing takes longer than most runs that end there."""
 
 
 def _end(system: FilippovSystem, mode: Mode, guard: Guard) -> str:

@@ -17,8 +17,6 @@ from henon_ref.modes.mode import Mode
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape
 
-KEPT = 1024
-"""Size of the caches of patterns."""
 Rule = Callable[..., tuple[sp.Expr, ...] | None]
 GuardKind = Literal["surface", "release", "valid", "attracts"]
 Refusal = Literal["nonunique", "none", "invalid"]
@@ -164,12 +162,12 @@ def _with_names(e: sp.Basic, known: dict[sp.Basic, sp.Basic]) -> sp.Basic:
     return known[e]
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=1024)
 def _made(rule: Rule, forms: tuple[sp.Expr, ...]) -> tuple[sp.Expr, ...] | None:
     return rule(*forms)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=1024)
 def _name(place: int, before_time: bool) -> sp.Symbol:
     """Name that sorts on the same side of the time's name as the symbol's own name."""
     return sp.Symbol(f"{'a' if before_time else 'z'}{place:04}", real=True)

@@ -12,7 +12,7 @@ contacts whose surfaces follow from other surfaces; :mod:`henon_ref.modes.contac
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import combinations
 
@@ -26,32 +26,18 @@ from henon_ref.expressions.traversal import total_size
 from henon_ref.modes.contact_loops import independent, loop_ends, relations
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.linear_system import solution, surfaces_solved
-from henon_ref.modes.sliding import attraction_guards
+from henon_ref.modes.sliding import attraction_guards, filippov_sliding
 from henon_ref.modes.switched_field import AGREE, SwitchedField
 from henon_ref.text import listed
 
 
-@dataclass(frozen=True)
-class HeldField:
-    """Field with the rates of held contacts substituted."""
-
-    field: tuple[sp.Expr, ...]
-    on_surface: Mapping[sp.Symbol, sp.Expr]
-    """States that the surfaces of the held contacts determine."""
-    signs: Mapping[sp.Symbol, sp.Expr]
-    """Sign of a surface decided here -> its expression."""
-    ends: tuple[Guard, ...]
-    """Guards of the limits of static friction, in signs."""
-    guards: tuple[Guard, ...]
-    """Guards of slides without static friction that act on held contacts at one instant."""
-    decided: frozenset[int]
-    """Surfaces whose sliding is part of the field."""
-
-
-def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collection[int]) -> HeldField:
+def held_sliding(
+    system: SwitchedField, reacting: SwitchedField, sliding: frozenset[int]
+) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
     """Return the field with several contacts held, or with one contact held while other surfaces slide.
 
     ``reacting``: the system with bodies at rest as contacts; ``sliding``: all surfaces that slide, held ones included.
+    The guards end the sliding; equivalent signs are those of the surfaces without static friction.
 
     Raises
     ------
@@ -63,32 +49,50 @@ def held_field(system: SwitchedField, reacting: SwitchedField, sliding: Collecti
     _, on_surface = surfaces_solved(system, independent(system, held))
     slipping = tuple(put(rate, on_surface) for rate in system.field)
     stuck = {i: tuple(put(rate, on_surface) for rate in system.overrides[i].field) for i in held}
-    rates, guards, decided = list(slipping), [], set()
+    field, guards, decided = list(slipping), list[Guard](), set[int]()
     signs: dict[sp.Symbol, sp.Expr] = {}
     ends = {i: system.hold_guards(i) for i in held}
     for group in _groups(system, slipping, stuck, sliding):
+        decided |= set(group)
         if len(group) == 1:
             (i,) = group
-            rates = [own if own != rate else kept for own, rate, kept in zip(stuck[i], slipping, rates, strict=True)]
-        else:
-            own = [i for i in group if i in stuck]
-            if not all(_balanced(system, i) for i in own):
-                raise ModelError(
-                    "surfaces that act on each other cannot slide together if a 'sliding' override among them "
-                    f"contradicts the balance of forces on its surface: {_names(system, sorted(sliding))}"
-                )
-            made = _Joint(reacting, group, frozenset(held))
-            ends |= _with_reactions(system, reacting, own)
-            rates = [made.field[k] if k in made.rows else kept for k, kept in enumerate(rates)]
-            if any(map(system.rests, own)):  # a body at rest stays where it is, to the last bit
-                rates = [put(rate, made.on_surface) for rate in rates]
-            on_surface = {**on_surface, **made.on_surface}
-            signs |= made.signs
-            guards += made.guards
-            ends |= made.loop_ends(ends)
-        decided |= set(group)
-    kept = tuple(guard for zone in ends.values() for guard in zone)
-    return HeldField(tuple(rates), on_surface, signs, kept, tuple(guards), frozenset(decided))
+            field = [own if own != rate else kept for own, rate, kept in zip(stuck[i], slipping, field, strict=True)]
+            continue
+        own = [i for i in group if i in stuck]
+        if not all(_balanced(system, i) for i in own):
+            raise ModelError(
+                "surfaces that act on each other cannot slide together if a 'sliding' override among them "
+                f"contradicts the balance of forces on its surface: {_names(system, sorted(sliding))}"
+            )
+        made = _Joint(reacting, group, frozenset(held))
+        ends |= _with_reactions(system, reacting, own)
+        field = [made.field[k] if k in made.rows else kept for k, kept in enumerate(field)]
+        if any(map(system.rests, own)):  # a body at rest stays where it is, to the last bit
+            field = [put(rate, made.on_surface) for rate in field]
+        on_surface = {**on_surface, **made.on_surface}
+        signs |= made.signs
+        guards += made.guards
+        ends |= made.loop_ends(ends)
+    equivalent = {i: signs[system.signs[i]] for i in sorted(decided.difference(held))}
+    if others := tuple(sorted(sliding - decided)):
+        field, more, found = _slides_beside(system, field, others, held)
+        guards, equivalent = [*guards, *more], equivalent | found
+    known = signs | {system.signs[i]: sign for i, sign in equivalent.items()}
+    limits = [guard for zone in ends.values() for guard in zone]
+    releases = [replace(g, expression=put(put(g.expression, on_surface), known)) for g in limits]
+    return tuple(field), tuple(sorted(releases + guards, key=lambda g: (g.kind == "attracts", g.index))), equivalent
+
+
+def _slides_beside(
+    system: SwitchedField, field: Sequence[sp.Expr], others: tuple[int, ...], held: Collection[int]
+) -> tuple[list[sp.Expr], tuple[Guard, ...], dict[int, sp.Expr]]:
+    """Return Filippov's sliding on surfaces that do not act on the ``held`` contacts, whose field is given."""
+    if any(system.multiples[j][0] not in others for j in others if j in system.multiples):
+        raise ModelError("a surface that is a multiple of one with a 'sliding' override cannot slide with it")
+    rested = [system.overrides[i].field for i in held if system.rests(i)]
+    still = {k for own in rested for k, rate in enumerate(own) if rate != system.field[k]}
+    made, guards, signs = filippov_sliding(replace(system, field=tuple(field)), others, still)
+    return list(made), guards, signs
 
 
 def _groups(

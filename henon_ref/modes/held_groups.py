@@ -50,13 +50,12 @@ from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.contact_loops import closed
 from henon_ref.modes.contact_problem import (
     Accelerations,
-    Balance,
     ContactProblem,
     Negative,
     Settled,
     Values,
-    balance_of,
     independent_of,
+    problem_of,
     solved,
 )
 from henon_ref.modes.decision import Decision, several, with_entries
@@ -67,14 +66,10 @@ from henon_ref.text import listed
 
 EXHAUSTIVE = 4
 """Largest number of active surfaces, none with static friction, for which all candidate modes are tried."""
-ROUNDS = 8
-"""Largest number of modes, per contact, that are expanded before the group counts as undecided."""
 MOST_LOOSE = 8
 """Largest number of surfaces that are not contacts and are reached with zero speed; both sides of each are tried."""
 IDENTICALLY_ZERO = 1000
 """Order assigned to a guard that stays at zero."""
-SMALL_ACCELERATION = 1e-5
-"""Part of a relative acceleration's terms that represents an acceleration growing from zero."""
 
 Broken = Sequence[tuple[Guard, int]]
 """Guards of a mode that become negative just after a point, each with the deciding order (:func:`order_of`)."""
@@ -222,16 +217,16 @@ class _Group:
         """Surfaces, not contacts, on which the mode found stays."""
 
     @cached_property
-    def _balance(self) -> Balance | None:
-        return balance_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
+    def _problem(self) -> ContactProblem | None:
+        return problem_of(self.system, self.mode, self.contacts, self.numbers.values, self.numbers.negative)
 
     def settled(self, slipped: frozenset[int]) -> Mode | None:
         """Return the mode that follows; None if no mode is kept by its own field."""
-        balance = self._balance
-        if balance is None:  # the forces cannot be computed: derivatives decide
+        whole = self._problem
+        if whole is None:  # the forces cannot be computed: derivatives decide
             return self._kept(with_entries(self.mode, self.contacts, [0] * len(self.contacts)), slipped)
         while True:
-            problem = self._limited(balance, slipped)
+            problem = self._limited(whole, slipped)
             found = solved(problem)
             new = {i for k, i in enumerate(self.contacts) if found.slips[k]} & self.static - slipped
             if not new:
@@ -262,7 +257,7 @@ class _Group:
     def _kept(self, mode: Mode, slipped: frozenset[int]) -> Mode | None:
         """Return a mode kept by its own field, starting from a mode in which only ties are undecided."""
         seen: set[Mode] = set()
-        for _ in range(ROUNDS * (len(self.contacts) + 1)):
+        for _ in range(8 * (len(self.contacts) + 1)):  # the group counts as undecided after so many modes
             mode = self._closed(mode)
             broken = self.numbers.broken(mode, self.active)
             if broken is None:
@@ -300,11 +295,10 @@ class _Group:
         The first non-zero derivative gives the direction of slip; a small acceleration represents it in the problem.
         None if a contact never separates: it depends on the others by its parameters' values, not by its equations.
         """
-        balance = self._balance
-        if balance is None or self.separating:
+        if self._problem is None or self.separating:
             return None
         held = [k for k, i in enumerate(self.contacts) if mode[i] == 0]
-        chosen = {self.contacts[k] for k in independent_of(balance.problem, held)}
+        chosen = {self.contacts[k] for k in independent_of(self._problem, held)}
         kept = closed(self.system.velocities, frozenset(chosen), self.contacts)
         separated = [self.contacts[k] for k in held if self.contacts[k] not in kept]
         if not separated:
@@ -316,15 +310,16 @@ class _Group:
         self.separating = {i: -1 if i in back else 1 for i in separated}
         return self.settled(slipped)
 
-    def _limited(self, balance: Balance, slipped: frozenset[int]) -> ContactProblem:
-        free, matrix, lower, upper = (list(part) for part in balance.problem)
-        for k, (least, most) in balance.static.items():
+    def _limited(self, whole: ContactProblem, slipped: frozenset[int]) -> ContactProblem:
+        """Return the problem with static friction for contacts that have not slipped, and with separating drives."""
+        free, lower, upper = list(whole.free), list(whole.lower), list(whole.upper)
+        for k, (least, most) in whole.static.items():
             if self.contacts[k] not in slipped:
                 lower[k], upper[k] = least, most
         for i, way in self.separating.items():
             k = self.contacts.index(i)
-            free[k] += way * SMALL_ACCELERATION * (abs(free[k]) + sum(map(abs, matrix[k])))
-        return ContactProblem(free, matrix, lower, upper)
+            free[k] += way * 1e-5 * (abs(free[k]) + sum(map(abs, whole.matrix[k])))  # as if it grew from zero
+        return ContactProblem(free, whole.matrix, lower, upper)
 
     def _need_proof(self, problem: ContactProblem, found: Accelerations, what: str) -> None:
         def settled(chosen: list[int], k: int) -> bool:

@@ -90,13 +90,10 @@ def continuous(system: FilippovSystem) -> frozenset[int]:
     written = [*system.field, *chain.from_iterable(own.field for own in system.overrides.values())]
     for index, (sign, surface) in enumerate(zip(system.signs, system.surfaces, strict=True)):
         rates = [rate for rate in written if rate.has(sign)]
-        if rates and all(_vanishes(system, _jump(rate, sign), surface) for rate in rates):
+        jumps = (put(rate, {sign: sp.S.One}) - put(rate, {sign: sp.S.NegativeOne}) for rate in rates)
+        if rates and all(_vanishes(system, jump, surface) for jump in jumps):
             found.add(index)
     return frozenset(found)
-
-
-def _jump(rate: sp.Expr, sign: sp.Symbol) -> sp.Expr:
-    return put(rate, {sign: sp.Integer(1)}) - put(rate, {sign: sp.Integer(-1)})
 
 
 def _vanishes(system: FilippovSystem, jump: sp.Expr, surface: sp.Expr) -> bool:

@@ -63,7 +63,7 @@ def _joint_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Ex
                 return None
         if len(right) > EXPLICIT:
             return _numeric_solution(system, matrix, right)
-    whole = determinant(square)
+    whole = determinant(system, square)
     if whole == 0:
         return None
     with dotprodsimp(simplifies(square)):
@@ -73,14 +73,16 @@ def _joint_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Ex
     return None if whole == 0 else list(adjugate * sp.Matrix(right) / whole)
 
 
-def determinant(matrix: sp.Matrix) -> sp.Expr:
-    """Return the determinant of a matrix that is not constant.
+def determinant(system: SwitchedField, matrix: sp.Matrix) -> sp.Expr:
+    """Return the determinant of a matrix; a large constant matrix is evaluated in numbers.
 
     Raises
     ------
     ModelError
         If it has too many terms.
     """
+    if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
+        return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
     if matrix.rows > EXPLICIT and not multiplies_out(matrix):
         raise ModelError(
             f"{matrix.rows} signs of surfaces that slide together act on each other by factors that are not constant: "
@@ -97,12 +99,8 @@ def simplifies(matrix: sp.Matrix) -> bool | None:
 
 def _few_terms(matrix: sp.Matrix) -> bool:
     """Check whether the determinant of a small matrix can be simplified with little work."""
-    return measured(sp.Add(*(sp.Mul(*row) for row in _products(matrix)))) is not None
-
-
-def _products(matrix: sp.Matrix) -> list[list[sp.Expr]]:
-    rows = range(matrix.rows)
-    return [[matrix[i, j] for i, j in zip(rows, order, strict=True)] for order in permutations(rows)]
+    products = (sp.Mul(*(matrix[i, j] for i, j in enumerate(order))) for order in permutations(range(matrix.rows)))
+    return measured(sp.Add(*products)) is not None
 
 
 def multiplies_out(matrix: sp.Matrix) -> bool:
@@ -194,7 +192,10 @@ def _on_surfaces(
     """Return each solved state in terms of time and the states that remain free on the surfaces."""
     surfaces = [system.surfaces[i] for i in solved]
     if all(len(h.free_symbols & set(unknown)) == 1 for h in surfaces):
-        return {x: _solved(system, h, x) for h, x in zip(surfaces, unknown, strict=True)}
+        return {
+            x: sp.expand(-h.xreplace({x: sp.S.Zero}) / system.constant_slope(h, x), deep=False)
+            for h, x in zip(surfaces, unknown, strict=True)
+        }
     if sum(size(h, MAX_JOINT) for h in surfaces) > MAX_JOINT:
         return {}
     try:
@@ -202,7 +203,3 @@ def _on_surfaces(
     except NonlinearError:  # each surface is linear in its own state, but not in all of these states
         return {}
     return dict(zip(unknown, next(iter(found)), strict=True)) if len(found) == 1 else {}
-
-
-def _solved(system: SwitchedField, surface: sp.Expr, x: sp.Symbol) -> sp.Expr:
-    return sp.expand(-surface.xreplace({x: sp.S.Zero}) / system.constant_slope(surface, x), deep=False)

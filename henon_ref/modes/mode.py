@@ -7,6 +7,8 @@ from typing import Literal
 
 Mode = tuple[int, ...]
 """One entry per surface: -1 or +1 in slip (the sign of h), 0 in sliding (stick)."""
+CLEAR = 1e-9
+"""Part of the size of its terms above which a value is clearly not zero."""
 
 
 def mode_text(mode: Sequence[int], signs: Sequence[str]) -> str:
@@ -53,3 +55,27 @@ def transition_kind(before: int, after: int) -> Literal["stick", "release", "cro
     if before == 0:
         return "release"
     return "crossing"
+
+
+def sign_after(below: float, above: float) -> int | None:
+    """Return the side on which a trajectory leaves a surface (-1, +1), 0 for sliding, None if two signs do not decide.
+
+    A trajectory that reaches the surface from one side crosses it if both fields point to the other side, and slides if
+    both fields point at the surface (Filippov 1988, Sec. 4).
+
+    Parameters
+    ----------
+    below, above : float
+        dh/dt of the fields on the negative and on the positive side, at a point of the surface h = 0.
+
+    Examples
+    --------
+    >>> sign_after(1.0, 2.0), sign_after(-1.0, -2.0), sign_after(1.0, -2.0)
+    (1, -1, 0)
+    >>> sign_after(-1.0, 2.0), sign_after(1.0, 1e-12)
+    (None, None)
+    """
+    clear = CLEAR * (abs(below) + abs(above))
+    if below > clear:
+        return 1 if above > clear else 0 if above < -clear else None
+    return -1 if below < -clear and above < -clear else None

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from flint import arb
@@ -17,7 +17,7 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
-from henon_ref.modes.equations import Guard, ModeEquations, ModeTape
+from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
@@ -28,60 +28,16 @@ from henon_ref.taylor.tape import TIME, Tape, build_tape
 if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
-KEPT = 1024
-"""Size of the cache of normal velocities by surface and mode entries."""
-
-ModeWithTape = tuple[ModeEquations, Tape]
+GuardsAndTape = tuple[tuple[Guard, ...], Tape]
 
 
-class Tapes(Protocol):
-    """Source of the tapes of a system's modes and of their constants in one arithmetic."""
-
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        """Equations of a mode, and its field and guards as a tape; None if the mode has no equations."""
-
-    def constants(self, tape: Tape) -> list[Any]:
-        """Constants of a tape."""
-
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """(t, *names) -> values of expressions; raises :data:`NO_VALUE` if one has none."""
-
-
-def mode_with_tape(system: FilippovSystem, mode: Mode) -> ModeWithTape | None:
+def guards_and_tape(system: FilippovSystem, mode: Mode) -> GuardsAndTape | None:
+    """Return the guards of a mode, and its field and guards as a tape; None if the mode has no equations."""
     try:
         equations = system.equations(mode)
     except ModelError:
         return None
-    return equations, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-
-
-class ExactTapes:
-    """Tapes of a system with constants from its exact numbers; subclasses define ``function``."""
-
-    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
-        self.system, self.arithmetic = system, arithmetic
-
-    def mode(self, mode: Mode) -> ModeWithTape | None:
-        return mode_with_tape(self.system, mode)
-
-    def constants(self, tape: Tape) -> list[Any]:
-        return [self.arithmetic.number(self.system.numeric(c)) for c in tape.constants]
-
-
-class _DoubleTapes(ExactTapes):
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
-        # The time of lambdify grows with the number of its arguments.
-        used = set().union(*(value.free_symbols for value in values))
-        places = [k for k, name in enumerate(names) if name in used]
-        found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
-        return lambda *at: found(*(at[k] for k in places))
-
-
-class _BallTapes(ExactTapes):
-    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        tape = build_tape(tuple(names), (), tuple(expressions))
-        return ball_function(tape, self.constants(tape))
+    return equations.guards, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
 
 
 def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[arb]]:
@@ -95,15 +51,15 @@ def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[ar
 
 def in_doubles(system: FilippovSystem) -> ModeEvaluation:
     """Return the evaluation of a system's modes in double precision."""
-    return ModeEvaluation(system, DOUBLES, _DoubleTapes(system, DOUBLES))
+    return ModeEvaluation(system, DOUBLES)
 
 
 def in_balls(system: FilippovSystem) -> ModeEvaluation:
     """Return the evaluation of a system's modes in balls of the working precision."""
-    return ModeEvaluation(system, BALLS, _BallTapes(system, BALLS))
+    return ModeEvaluation(system, BALLS)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=1024)
 def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
     """Return dh/dt of a surface: shared by all modes, unless it contains operations that these entries do not use.
 
@@ -115,7 +71,7 @@ def normal_in(system: FilippovSystem, index: int, entries: Mode) -> sp.Expr:
     return own if leaves_out(written, own, signs, {TIME, *system.states}) else written
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=1024)
 def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
     """Return the surfaces whose signs are in a surface's normal velocity."""
     written = system.normal_velocity(index).free_symbols
@@ -125,18 +81,32 @@ def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
 class ModeEvaluation:
     """Evaluation of the modes of one system in one arithmetic.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    arithmetic : Arithmetic
-    tapes : Tapes
-        With constants of that arithmetic.
+    Constants are computed from the system's exact numbers; a subclass may compute the results of
+    :meth:`guards_and_tape`, :meth:`constants` and :meth:`function` in another way.
     """
 
-    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic, tapes: Tapes) -> None:
-        self.system, self.arithmetic, self._source = system, arithmetic, tapes
-        self.function = tapes.function
+    def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
+        self.system, self.arithmetic = system, arithmetic
         self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
+
+    def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
+        return guards_and_tape(self.system, mode)
+
+    def constants(self, tape: Tape) -> list[Any]:
+        """Return the constants of a tape."""
+        return [self.arithmetic.number(self.system.numeric(c)) for c in tape.constants]
+
+    def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
+        """Return (t, *names) -> values of expressions, which raises :data:`NO_VALUE` if one has none."""
+        if self.arithmetic is BALLS:
+            tape = build_tape(tuple(names), (), tuple(expressions))
+            return ball_function(tape, self.constants(tape))
+        values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
+        # The time of lambdify grows with the number of its arguments.
+        used = set().union(*(value.free_symbols for value in values))
+        places = [k for k, name in enumerate(names) if name in used]
+        found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
+        return lambda *at: found(*(at[k] for k in places))
 
     def at(self, t: Any, x: Sequence[Any], levels: tuple[float, ...] | None = None) -> TapePoint:
         """Return a point; ``levels``: see :attr:`Doubles.levels`."""
@@ -146,17 +116,22 @@ class ModeEvaluation:
         return self.at(self.arithmetic.number(start), [self.arithmetic.number(v) for v in initial])
 
     @kept
-    def equations(self, mode: Mode) -> tuple[ModeEquations, Tape, list[Any]] | None:
-        """Return the equations, tape and constants of a mode; None if it has no equations."""
+    def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
+        """Return the guards, tape and constants of a mode; None if it has no equations."""
         with one_at_a_time():
             if self._shared is not None:
                 return self._of_shared(mode, *self._shared)
-            made = self._source.mode(mode)
-            return None if made is None else (*made, self._source.constants(made[1]))
+            made = self.guards_and_tape(mode)
+            return None if made is None else (*made, self.constants(made[1]))
+
+    def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
+        """Return the guards of a mode; None if it has no equations."""
+        made = self._made(mode)
+        return None if made is None else made[0]
 
     def tape(self, mode: Mode) -> tuple[Tape, list[Any]]:
         """Return the tape and constants of a mode; ValueError if it has no equations."""
-        made = self.equations(mode)
+        made = self._made(mode)
         if made is None:
             raise ValueError("the mode has no equations")
         return made[1], made[2]
@@ -171,17 +146,17 @@ class ModeEvaluation:
 
     def _of_shared(
         self, mode: Mode, made: SwitchedEquations, shared: ModeTape
-    ) -> tuple[ModeEquations, Tape, list[Any]]:
-        """Return a mode's equations, its part of the shared tape, and its constants, each computed once."""
+    ) -> tuple[tuple[Guard, ...], Tape, list[Any]]:
+        """Return a mode's guards, its part of the shared tape, and its constants, each computed once."""
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
         numbers = []
         for at, surfaces in enumerate(shared.owners):
             key = at, tuple(mode[i] for i in surfaces)
             if key not in self._numbers:
                 alone = replace(shared.tape, constants=(shared.constant(at, mode),))
-                self._numbers[key] = self._source.constants(alone)[0]
+                self._numbers[key] = self.constants(alone)[0]
             numbers.append(self._numbers[key])
-        return ModeEquations((), made.own_guards(mode), {}), replace(shared.tape, outputs=own), numbers
+        return made.own_guards(mode), replace(shared.tape, outputs=own), numbers
 
     @kept
     def of_states_and_signs(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
@@ -218,11 +193,10 @@ class TapePoint:
         return expand(*self._modes.tape(mode), self._t, self._x, order, self.arithmetic.ring)
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        made = self._modes.equations(mode)
-        if made is None:
-            return None
-        self.series(mode)
-        return made[0].guards
+        guards = self._modes.guards(mode)
+        if guards is not None:
+            self.series(mode)
+        return guards
 
     @kept
     def series(self, mode: Mode) -> tuple[list[list[Any]], float]:

@@ -1,14 +1,19 @@
 """Selection of the mode at the start of a run and after each event: the candidate that its own field keeps.
 
 The active surfaces are those on which the state is and whose mode entries are open. Each candidate for these entries is
-tested for consistency (:mod:`henon_ref.modes.consistency`). One consistent candidate: the future is unique. Several
-(repelling sliding, a spontaneous switch): it is not unique, and the run ends with this status. See Filippov (1988),
-Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012) 3967-3991. If static friction holds some of several
-active surfaces, :mod:`henon_ref.modes.held_groups` decides.
+tested for consistency, that is, whether its own field keeps it just after the point: every surface in slip is left on
+the mode's side (first non-zero derivative of h), and on every sliding surface the equivalent sign stays inside [-1, 1]
+and both fields point at the surface. A surface whose sliding override has ``entry: inside`` can be held if every
+release guard is positive just after the point (first non-zero derivative; a guard that stays at zero holds).
+
+One consistent candidate: the future is unique. Several (repelling sliding, a spontaneous switch): it is not unique, and
+the run ends with this status. See Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012)
+3967-3991. If static friction holds some of several active surfaces, :mod:`henon_ref.modes.held_groups` decides.
 
 The selection is written once, over points of any arithmetic (:mod:`henon_ref.modes.arithmetic`): the reference decides
 in doubles and in balls, the multiprecision truth in balls of its own series. :mod:`henon_ref.enclosure` shares no code
-with it. :func:`sign_after` is the special case of one surface and two velocities that are clearly not zero.
+with it. The special case of one surface and two velocities that are clearly not zero is
+:func:`henon_ref.modes.mode.sign_after`.
 """
 
 from __future__ import annotations
@@ -16,23 +21,24 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Any, Protocol
+from typing import Any
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.arithmetic import CLEAR, NO_VALUE, Point
-from henon_ref.modes.consistency import broken_guards, indeterminate
-from henon_ref.modes.contact_loops import Relation, relations
+from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Point
+from henon_ref.modes.contact_loops import relations
 from henon_ref.modes.decision import Decision, ended, explained, several, with_entries
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.held_groups import (
     IDENTICALLY_ZERO,
+    Broken,
     Numbers,
     by_groups,
     clear_sign,
     decide_groups,
+    order_of,
     slipped_by,
 )
 from henon_ref.modes.mode import Mode, replaced
@@ -40,43 +46,6 @@ from henon_ref.modes.resets import impact_of, into_surface
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
-
-PLAIN = 1e-3
-"""Smallest rate, as a part of the jump of the surface's rate between its sides, that is clearly not zero."""
-
-
-class ExactStart(Protocol):
-    """Modes of a system at points that may be given by exact numbers."""
-
-    @property
-    def system(self) -> FilippovSystem: ...
-
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """Return the point with these exact numbers."""
-
-
-def sign_after(below: float, above: float) -> int | None:
-    """Return the side on which a trajectory leaves a surface (-1, +1), 0 for sliding, None if two signs do not decide.
-
-    A trajectory that reaches the surface from one side crosses it if both fields point to the other side, and slides if
-    both fields point at the surface (Filippov 1988, Sec. 4).
-
-    Parameters
-    ----------
-    below, above : float
-        dh/dt of the fields on the negative and on the positive side, at a point of the surface h = 0.
-
-    Examples
-    --------
-    >>> sign_after(1.0, 2.0), sign_after(-1.0, -2.0), sign_after(1.0, -2.0)
-    (1, -1, 0)
-    >>> sign_after(-1.0, 2.0), sign_after(1.0, 1e-12)
-    (None, None)
-    """
-    clear = CLEAR * (abs(below) + abs(above))
-    if below > clear:
-        return 1 if above > clear else 0 if above < -clear else None
-    return -1 if below < -clear and above < -clear else None
 
 
 def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
@@ -90,9 +59,13 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
 
 
 def initial_mode(
-    modes: ExactStart, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
+    modes: Any, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
 ) -> Decision:
-    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
+    """Decide the mode at the start from exact numbers.
+
+    ``modes``: evaluation of the modes of its ``system``, whose ``exactly`` returns the point of exact numbers;
+    ``given``: prescribed entries of surfaces on which the start lies.
+    """
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 
@@ -193,7 +166,7 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
             number, size = above if mode[guard.index] > 0 else -below, abs(above - below)
             if len(at.system.together(guard.index, slides)) > 1:  # the equivalent signs of the slides are not 0
                 number = at.first_order(mode)[place][1]
-        if number > PLAIN * size > 0:
+        if number > 1e-3 * size > 0:  # a part of the jump of the surface's rate between its sides
             return first
     except NO_VALUE:
         pass
@@ -211,16 +184,11 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
             break
     if decision.status == "none" and one_of is _of_all:
         decision = _staying_mode(at, mode, active) or decision
-    if decision.status == "none" and (names := _not_finite(at, mode)):
+    rates = zip(system.state_names, system.field, strict=True) if decision.status == "none" else ()
+    if names := [name for name, rate in rates if at.values((rate,), mode) is None]:
         reason = f"no mode is consistent at t = {at.when}: the field of {listed(names)} is not finite there"
         return Decision("none", None, reason)
     return explained(decision, system, mode, active) if decision.mode is None else _attracting(at, decision)
-
-
-def _not_finite(at: Point, mode: Mode) -> list[str]:
-    """Return the names of the states whose rates have no finite value at a point."""
-    rates = zip(at.system.state_names, at.system.field, strict=True)
-    return [name for name, rate in rates if at.values((rate,), mode) is None]
 
 
 def _attracting(at: Point, decision: Decision) -> Decision:
@@ -266,11 +234,13 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
     combination of the fields is also a solution (Filippov, 1988, Sec. 4), and the future is not unique.
     """
     system, stay, found = at.system, set[int](), list[Mode]()
-    tied = [relation for relation in relations(system, active) if _unsettled(system, relation)]
-    if tied:
-        names = listed([system.sign_names[i] for i in sorted(tied[0])])
-        reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
-        return Decision("none", None, reason + "their signs do not act as action and reaction")
+    for relation in relations(system, active):
+        plain = [i for i in relation if i not in system.overrides]
+        # Neither a loop of contacts nor multiples, and without a lone continuous kink.
+        if len(relation) > 2 and plain and all(system.can_slide(frozenset((i,))) for i in plain):
+            names = listed([system.sign_names[i] for i in sorted(relation)])
+            reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
+            return Decision("none", None, reason + "their signs do not act as action and reaction")
     for candidate in _candidates(at, mode, active):
         broken = broken_guards(at, candidate, active, at.levels[0], alone=True) or []
         surfaces = {guard.index for guard, _ in broken}  # a body that does not leave its stop rests: another candidate
@@ -285,12 +255,6 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
     return Decision("unique", with_entries(found[0], own, [mode[i] or 1 for i in own]))
 
 
-def _unsettled(system: FilippovSystem, relation: Relation) -> bool:
-    """Check whether dependent surfaces, none a lone continuous kink, are neither a loop of contacts nor multiples."""
-    plain = [i for i in relation if i not in system.overrides]
-    return len(relation) > 2 and bool(plain) and all(system.can_slide(frozenset((i,))) for i in plain)
-
-
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     broken = partial(broken_guards, at, zero=zero, alone=False)
     numbers = Numbers(at.values, at.arithmetic.negative, broken, at.same_motion, at.when)
@@ -298,3 +262,88 @@ def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collecti
         return decide_groups(at.system, mode, active, slipped, numbers)
     except ModelError as error:
         return Decision("none", None, str(error))
+
+
+# -- consistency ----------------------------------------------------------------------------------------
+
+
+def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *, alone: bool) -> Broken | None:
+    """Return the guards of a mode that become negative just after a point, each with the deciding order of derivative.
+
+    None if the mode has no equations or no finite derivatives. ``active``: surfaces on which the point lies; ``zero``:
+    the relative size below which a derivative counts as zero; ``alone``: the mode is tested by itself (not by
+    :mod:`henon_ref.modes.held_groups`), and None is returned also if an override disagrees with the mode about sliding.
+    """
+    system, broken = at.system, list[tuple[Guard, int]]()
+    try:
+        guards = at.guards(mode)
+        if guards is None:
+            return None
+        for i in system.overrides.keys() & active if alone else ():
+            sticks = _rests(at, mode, i, zero) if system.rests(i) else not mode[i] and _attracts(at, mode, i)
+            if sticks != (mode[i] == 0):
+                return None
+        for place, guard in enumerate(guards):
+            i = guard.index
+            if guard.ends or i not in active:
+                continue
+            if guard.kind == "release" and i in system.overrides:
+                order = None if alone else _let_go(at, mode, place, guard, zero)
+                broken += [] if order is None else [(guard, order)]
+                continue
+            first = 1 if guard.kind == "surface" else 0
+            term = at.leading(mode, place, first, zero, None if system.rests(i) else i)
+            # If h stays at zero there is no slip; an equivalent sign that stays at its limit still holds.
+            if term is None:
+                broken += [(guard, IDENTICALLY_ZERO)] if first else []
+            elif term[1] < 0:
+                broken.append((guard, order_of(system, guard, term[0])))
+    except NO_VALUE:
+        return None
+    return broken
+
+
+def _let_go(at: Point, mode: Mode, place: int, guard: Guard, zero: float) -> int | None:
+    """Return the order of the derivative by which a guard ends an override's sliding; None if the sliding continues."""
+    if at.system.held_inside(guard.index) or at.system.rests(guard.index):
+        term = at.end_of_hold(mode, place, zero)
+        return term[0] if term is not None and term[1] < 0 else None
+    try:
+        ways = [speed * guard.to_sign > 0 for speed in at.sides(mode, guard.index)]
+    except NO_VALUE:
+        return None
+    return 0 if all(ways) else None
+
+
+def stays(at: Point, mode: Mode, index: int) -> bool:
+    """Check whether a slip stays on a surface on which the point lies, in all derivatives that are computed."""
+    own = [k for k, g in enumerate(at.guards(mode) or ()) if g.kind == "surface" and g.index == index]
+    return all(at.leading(mode, place, 1, at.levels[0], index) is None for place in own)
+
+
+def indeterminate(at: Point, mode: Mode, index: int, zero: float) -> bool:
+    """Check whether all release guards of a surface stay at zero, in all derivatives that are computed."""
+    if index in at.system.overrides:
+        return False
+    ends = [k for k, g in enumerate(at.guards(mode) or ()) if g.kind == "release" and g.index == index]
+    return all(at.leading(mode, place, 0, zero, index) is None for place in ends)
+
+
+def _rests(at: Point, mode: Mode, index: int, zero: float) -> bool:
+    """Check whether a body stays on a stop: without the reaction, h would start with zero speed and not rise."""
+    free = replaced(mode, index, 1)
+    try:
+        guards = at.guards(free)
+        if guards is None:
+            return False
+        own = next(k for k, g in enumerate(guards) if g.kind == "surface" and g.index == index)
+        term = at.leading(free, own, 1, zero)
+    except NO_VALUE:
+        return False
+    return term is None or (term[0] > 1 and term[1] < 0)
+
+
+def _attracts(at: Point, mode: Mode, index: int) -> bool:
+    (below, above), negative = at.sides(mode, index), at.arithmetic.negative
+    size = abs(below) + abs(above)
+    return not negative(below, size, ZERO) and not negative(-above, size, ZERO)

@@ -37,13 +37,10 @@ from henon_ref.expressions.algebra import (
 from henon_ref.expressions.bounds import put
 from henon_ref.expressions.traversal import size, total_size
 from henon_ref.modes.equations import Guard, Refusal, along
-from henon_ref.modes.linear_system import EXPLICIT, determinant, rational, solution, surfaces_solved
+from henon_ref.modes.linear_system import determinant, solution, surfaces_solved
 from henon_ref.modes.switched_field import SwitchedField
-from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
-MAX_CORNERS = 16
-"""Largest number of sign combinations at which an expression that is not linear in the signs is evaluated."""
 EXHAUSTIVE = 4
 """Largest number of coupled surfaces of which all principal minors are checked, not only diagonal and determinant."""
 
@@ -54,7 +51,7 @@ def _interpolated(expression: sp.Expr, signs: tuple[sp.Symbol, ...]) -> sp.Expr:
     used = [s for s in signs if s in free]
     if coefficients(expression, used) is not None:
         return expression
-    if 2 ** len(used) > MAX_CORNERS:
+    if len(used) > 4:  # evaluated at all combinations of the signs
         if expression.is_Add:
             return sp.Add(*(_interpolated(term, signs) for term in expression.args))
         raise ModelError(
@@ -95,7 +92,8 @@ def filippov_sliding(
     equivalent, guards = _equivalent_signs(system, sliding, slope, rest, normal)
     written = sum(size(f, MAX_SIZE) for f in rhs)
     longest = max(size(e, MAX_SIZE) for e in equivalent.values())
-    if written + longest * sum(_occurrences(f, set(signs)) for f in rhs) > MAX_SIZE:
+    occurrences = sum(part in signs for f in rhs for part in sp.preorder_traversal(f))
+    if written + longest * occurrences > MAX_SIZE:
         raise _too_large(signs)
     result = [f.xreplace(equivalent) for f in rhs]
     for i, k in solved.items():
@@ -171,18 +169,11 @@ def attraction_guards(system: SwitchedField, sliding: Sequence[int], slopes: sp.
     for group in strongly_connected_components((range(matrix.rows), edges)):
         sizes = range(1, len(group) + 1) if len(group) <= EXHAUSTIVE else (1, len(group))
         for chosen in (c for few in sizes for c in combinations(sorted(group), few) if _joined(c, edges)):
-            minor = _determinant(system, matrix.extract(chosen, chosen))
+            minor = determinant(system, matrix.extract(chosen, chosen))
             if not known_positive(system.numeric(minor)):
                 ends: Refusal = "nonunique" if len(chosen) == len(group) else "none"
                 found.append(Guard("attracts", sliding[chosen[0]], 0, minor, ends=ends))
     return found
-
-
-def _determinant(system: SwitchedField, matrix: sp.Matrix) -> sp.Expr:
-    """Return the determinant of a matrix; a large constant matrix is evaluated in numbers."""
-    if matrix.rows > EXPLICIT and not matrix.free_symbols & {TIME, *system.states, *system.signs}:
-        return sp.QQ.to_sympy(rational(system, matrix.tolist()).det())
-    return determinant(matrix)
 
 
 def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
@@ -200,7 +191,3 @@ def _small(expressions: Sequence[sp.Expr], signs: Sequence[sp.Symbol]) -> Sequen
 def _too_large(signs: Sequence[sp.Symbol]) -> ModelError:
     names = listed([s.name for s in signs])
     return ModelError(f"the equations of sliding on {names} are too large: more than {MAX_SIZE} operations")
-
-
-def _occurrences(expression: sp.Expr, symbols: set[sp.Symbol]) -> int:
-    return sum(part in symbols for part in sp.preorder_traversal(expression))

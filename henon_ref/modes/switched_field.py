@@ -20,8 +20,8 @@ from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.taylor.tape import TIME
 
-DIGITS, AGREE = 40, sp.Float("1e-25")
-"""Digits of sampled values, and relative difference up to which two sampled values agree."""
+AGREE = sp.Float("1e-25")
+"""Relative difference up to which two sampled values agree."""
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
@@ -119,13 +119,10 @@ class SwitchedField:
         """Signs of the surfaces in slip, as a substitution."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
 
+    @kept
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
-        return self._normal[index]
-
-    @cached_property
-    def _normal(self) -> tuple[sp.Expr, ...]:
-        return tuple(along(h, self.states, self.field) for h in self.surfaces)
+        return along(self.surfaces[index], self.states, self.field)
 
     def constant_slope(self, surface: sp.Expr, state: sp.Symbol) -> sp.Expr | None:
         """Return the factor of a state in a surface if it is constant (no time, no states) and not zero; else None."""
@@ -141,7 +138,7 @@ class SwitchedField:
         symbols = sorted(set().union(*(e.free_symbols for e in expressions)), key=str)
         numbers = {s: sp.Rational(sp.prime(k + 7), sp.prime(k + 17)) for k, s in enumerate(symbols)}
         numbers |= {TIME: sp.Rational(3, 7), **self.parameters}
-        return [sp.N(put(e, numbers), DIGITS) for e in expressions]
+        return [sp.N(put(e, numbers), 40) for e in expressions]
 
     def held_inside(self, index: int) -> bool:
         """Check whether the hold zone of its override, not the slip fields, decides sticking on a surface."""

@@ -137,7 +137,7 @@ class FilippovSystem(SwitchedField):
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         shared = self.shared_equations(sliding)
         slip, own = self.slip_signs(mode), self.equations(mode)
-        beside = [(normal, s) for normal, s, entry in zip(self._normal, self.signs, mode, strict=True) if entry]
+        beside = [(self.normal_velocity(i), self.signs[i]) for i, entry in enumerate(mode) if entry]
         speeds = [speed for normal, s in beside for speed in (normal, normal.xreplace({s: -s}))]
         pairs = zip((*shared.of_signs, *speeds), (*own.of_signs, *(e.xreplace(slip) for e in speeds)), strict=True)
         alone = bool(self.unused_kinks(mode)) or any(leaves_out(*pair, slip, {TIME, *self.states}) for pair in pairs)
@@ -179,8 +179,13 @@ class FilippovSystem(SwitchedField):
         signs: dict[int, sp.Expr] = {}
         if not sliding:
             rhs = self.field
+        elif overridden and len(sliding) == 1:
+            (i,) = sliding
+            rhs, releases = self.overrides[i].field, self.hold_guards(i)
         elif overridden:
-            rhs, releases, signs = self._held(overridden, sliding)
+            from henon_ref.modes.held_contacts import held_sliding
+
+            rhs, releases, signs = held_sliding(self, self.with_reactions(self.reacting & overridden), sliding)
         elif any((i in sliding) != (j in sliding) for j, (i, _) in self.multiples.items()):
             raise ModelError("surfaces that are multiples of each other slide together or not at all")
         else:
@@ -196,29 +201,6 @@ class FilippovSystem(SwitchedField):
         except ModelError:
             return False
         return True
-
-    def _held(
-        self, overridden: frozenset[int], sliding: frozenset[int]
-    ) -> tuple[tuple[sp.Expr, ...], tuple[Guard, ...], dict[int, sp.Expr]]:
-        """Return the equations of sliding with overrides: field, guards that end it, and equivalent signs."""
-        if len(sliding) == 1:
-            (i,) = sliding
-            return self.overrides[i].field, self.hold_guards(i), {}
-        from henon_ref.modes.held_contacts import held_field
-
-        made = held_field(self, self.with_reactions(self.reacting & overridden), sliding)
-        field, own, others = made.field, made.guards, tuple(sorted(sliding - made.decided))
-        signs = {i: made.signs[self.signs[i]] for i in sorted(made.decided - overridden)}
-        if others:
-            if any(self.multiples[j][0] not in others for j in others if j in self.multiples):
-                raise ModelError("a surface that is a multiple of one with a 'sliding' override cannot slide with it")
-            rested = [self.overrides[i].field for i in overridden if self.rests(i)]
-            still = {k for own in rested for k, rate in enumerate(own) if rate != self.field[k]}
-            field, ends, found = filippov_sliding(replace(self, field=field), others, still)
-            own, signs = own + ends, signs | found
-        known = {**made.signs, **{self.signs[i]: found for i, found in signs.items()}}
-        releases = tuple(replace(g, expression=put(put(g.expression, made.on_surface), known)) for g in made.ends)
-        return field, tuple(sorted(releases + own, key=lambda g: (g.kind == "attracts", g.index))), signs
 
     @cached_property
     def resting(self) -> frozenset[int]:
@@ -249,7 +231,7 @@ class FilippovSystem(SwitchedField):
             for k, rate in enumerate(self.field)
         )
         resting = self.resting & surfaces
-        velocities = tuple(self._normal[i] if i in resting else h for i, h in enumerate(self.surfaces))
+        velocities = tuple(self.normal_velocity(i) if i in resting else h for i, h in enumerate(self.surfaces))
         return SwitchedField(self.states, self.signs, velocities, rates, self.parameters)
 
     @property

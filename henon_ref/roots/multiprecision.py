@@ -33,18 +33,12 @@ SAME_MINIMUM = int(ONE * 1e-10)
 """Distance up to which two minima are equal."""
 FLAT_RANGE = int(ONE * 1e-6)
 """Largest distance of a nearly zero position from a zero of the slope."""
-HIGHEST = 16
-"""Highest order of a root that is recognized."""
 POINT = ONE >> 200
 """Width of a piece that counts as a point."""
 NEGLIGIBLE = ZERO >> 20
 """Largest coefficient that is dropped."""
-CUT_PIECES = 64
-"""Number of pieces after which a piece is only halved, not cut at a minimum."""
-NEWTON_STEPS = 12
-"""Largest number of steps of Newton's method to the minimum of a piece."""
-CUT_LEAST, CUT_MOST = 2.0**-20, 2.0**-3
-"""Least and largest distance of the cuts from a minimum, as a part of its piece."""
+CUT_LEAST = 2.0**-20
+"""Least distance of the cuts from a minimum, as a part of its piece."""
 SMALL = ONE >> 40
 """Smallest value that cannot be a touch."""
 What = Literal["root", "touch", "miss"]
@@ -99,13 +93,13 @@ def _falls_after(q: Fixed, low: int, high: int) -> bool:
 def _flat_root(q: Fixed, place: int, parity: int, *, exact: bool) -> int:
     """Return the root of even or odd order in a nearly zero neighbourhood, or the mean of roots that count as one.
 
-    The order is that of the term that dominates away from the root. A root of order m is a simple root of the
-    derivative m-1, which determines its position. ``exact``: the root is at ``place``; otherwise it is only near.
+    The order, at most 16, is that of the term that dominates away from the root. A root of order m is a simple root of
+    the derivative m-1, which determines its position. ``exact``: the root is at ``place``; otherwise it is only near.
     """
     refined = place if exact else _exactly_flat(q, place)
     with working_precision(BITS):
         local = arb_poly([arb(c) / ONE for c in q])(arb_poly([arb(refined) / ONE, 1])).coeffs()
-    order = leading_term([float(c) for c in local[: HIGHEST + 1]], RELATIVE_ZERO)[1]
+    order = leading_term([float(c) for c in local[:17]], RELATIVE_ZERO)[1]
     if order % 2 != parity or order == 0:
         return place
     *_, flat, steep = accumulate(range(order), lambda d, _: _derivative(d), initial=q)
@@ -172,7 +166,7 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
                 continue
             elif changes == 1 and abs(b[-1]) > CLEARANCE * ZERO:
                 return "root", low, high
-            places = _around_minimum(q, piece, low, high) if signs[0] and looked < CUT_PIECES else []
+            places = _around_minimum(q, piece, low, high) if signs[0] and looked < 64 else []  # then only halved
             stack += reversed([*pairwise([low, *(places or [_middle(q, low, high)]), high])])
     return "none", 0, 0
 
@@ -210,7 +204,7 @@ def _around_minimum(q: Fixed, piece: Fixed, low: int, high: int) -> list[int]:
         if touched is not None and low < touched < high and abs(horner(q, touched)) <= ZERO:
             middle = touched - low
             distance = isqrt((4 * ZERO << 2 * BITS) // max(horner(bend, touched), 1))  # the value there is 2 ZERO
-    while distance < CUT_MOST * width:
+    while distance < width / 8:
         places = [at for at in (low + middle - distance, low + middle + distance) if low < at < high]
         if all(abs(horner(q, at)) > ZERO for at in places):
             return places
@@ -227,7 +221,7 @@ def _roughly_flat(piece: Fixed) -> tuple[float, float] | None:
     size = max(map(abs, piece))
     c = [x / size for x in piece]
     tau, shift = 0.5, 0.0
-    for _ in range(NEWTON_STEPS):
+    for _ in range(12):
         slope, bend, twist = 0.0, 0.0, 0.0  # twist is half the third derivative
         for k in range(len(c) - 1, 0, -1):
             twist = twist * tau + bend

@@ -14,16 +14,12 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
-from henon_ref.system.python_values import argument_error, mapping, tree_of, written, written_name
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node
+from henon_ref.system.tree import MappingNode, Node, argument_error, mapping, tree_of, written, written_name
 from henon_ref.text import did_you_mean, listed, shortened
 
-DIRECTIONS = ("falling", "rising")
 STOPS = 63
 """Number of surfaces on which a run can be stopped (the first ones): bits of a positive int64."""
-SMALLEST, LARGEST = 1e-16, 1.0
-"""Bounds of a tolerance, as in a case file."""
 
 
 def start_of(
@@ -64,13 +60,7 @@ def problem_of(
 ) -> tuple[System, Problem]:
     """Return the system of a run and its initial-value problem in exact numbers.
 
-    The arguments are those of :func:`henon_ref.simulate`.
-
-    Raises
-    ------
-    ArgumentError
-        If a state is missing or unknown, a number is not finite, a parameter is unknown, the horizon is not later than
-        the start, or a mode names an unknown surface or contradicts the start.
+    The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid.
     """
     initial, until, start, mode = start_of(system, initial, until, start, mode)
     if parameters:
@@ -105,7 +95,7 @@ def tolerance_of(value: Any) -> float:
     if isinstance(value, str):
         raise ArgumentError(f"rtol is text, {shortened(value)}; wanted a number without quotes, as in rtol=1e-9")
     is_number = isinstance(value, Real) and not isinstance(value, bool)
-    if is_number and SMALLEST <= value < LARGEST:
+    if is_number and 1e-16 <= value < 1.0:
         return float(value)
     raise ArgumentError(f"rtol is {str(value)[:60]}; a tolerance is a number from 1e-16 to below 1")
 
@@ -123,10 +113,10 @@ def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
     """Return the surfaces that end a run, as bit masks by index: those reached from above, and from below."""
     names = system.model.sign_names
     _mapping(stop, "'stop'", "surface", names)
-    bits = dict.fromkeys(DIRECTIONS, 0)
+    bits = {"falling": 0, "rising": 0}
     for name, direction in stop.items():
         index = names.index(written_name(name, "'stop'"))
-        if direction not in DIRECTIONS:
+        if direction not in bits:
             raise ArgumentError(f"'stop' at '{names[index]}' is {str(direction)[:60]!r}; wanted 'falling' or 'rising'")
         if index >= STOPS:
             raise ArgumentError(f"'{names[index]}' is beyond the first {STOPS} surfaces, on which a run can be stopped")

@@ -14,10 +14,6 @@ from henon_ref.trajectory import Trajectory
 Vector = NDArray[np.float64]
 
 
-STEPS = 256
-"""Number of steps in one block of memory."""
-
-
 @dataclass(frozen=True, eq=False)
 class DenseOutput:
     """Solution of a run as a function of time.

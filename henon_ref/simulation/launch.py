@@ -7,11 +7,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import local_error, order_for
+from henon_ref.integrator.integrator import Integrator, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.integrator.transition_array import shown
@@ -23,8 +22,6 @@ from henon_ref.simulation.system import System
 from henon_ref.terminal import notice_if_slow
 from henon_ref.trajectory import Counts, Status, Trajectory
 
-MOST_PREPARED = 32
-"""Largest number of cached tolerances of one system."""
 KEPT = 64
 """Largest number of cached compiled systems and orders; the least recently used one is dropped."""
 
@@ -50,33 +47,6 @@ def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] =
         return made
 
 
-class Launch(NamedTuple):
-    """Run that is ready to start."""
-
-    base: System
-    parameters: Mapping[Any, Any] | None
-    """Values that replace those of ``base``."""
-    stop: Mapping[Any, str] | None
-    integrator: Integrator
-    start: Start
-
-    def ended(self, trajectory: Trajectory) -> Trajectory:
-        """Return the trajectory with the reason of a requested stop, and without hidden kinks."""
-        if self.start.refused is not None:
-            return trajectory._replace(end_mode=())
-        found = trajectory.transitions
-        if self.stop and trajectory.status == "ok":
-            last = found[-1] if len(found) else None
-            if last is not None and (last.time, last.time_low) != self.start.until and last.time == trajectory.end_time:
-                name = self.base.model.sign_names[last.surface]
-                trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
-        if self.base.model.kinks:
-            from henon_ref.modes.kinks import HiddenKinks
-
-            trajectory = shown(trajectory, HiddenKinks(self.base.model))
-        return trajectory
-
-
 def launch(
     system: System,
     initial: Any,
@@ -87,7 +57,7 @@ def launch(
     mode: Mapping[Any, int] | None,
     stop: Mapping[Any, str] | None,
     max_steps: int,
-) -> Launch:
+) -> tuple[Integrator, Start]:
     """Read the arguments of :func:`henon_ref.simulate`; ArgumentError if one is invalid."""
     if not isinstance(system, System):
         example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
@@ -118,16 +88,32 @@ def launch(
         run = begin.scalars
         run.stop_falling, run.stop_rising = stopping
         run.most_steps = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
-    return Launch(system, parameters, stop, integrator, begin)
+    return integrator, begin
 
 
 def _prepared(system: System, tolerance: float) -> QuickStart | None:
-    """Prepare the starts of later runs at a tolerance."""
-    if len(system.prepared) >= MOST_PREPARED:
+    """Prepare the starts of later runs at a tolerance, at up to 32 tolerances."""
+    if len(system.prepared) >= 32:
         system.prepared.clear()
     error = local_error(tolerance)
     made = system.prepared[tolerance] = QuickStart.of(system, integrator_of(system, error), error)
     return made
+
+
+def ended(trajectory: Trajectory, begin: Start, system: System, stop: Mapping[Any, str] | None) -> Trajectory:
+    """Return the result of a run with the reason of a requested stop, and without hidden kinks."""
+    if begin.refused is not None:
+        return trajectory._replace(end_mode=())
+    if stop and trajectory.status == "ok" and len(trajectory.transitions):
+        last = trajectory.transitions[-1]
+        if (last.time, last.time_low) != begin.until and last.time == trajectory.end_time:
+            name = system.model.sign_names[last.surface]
+            trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
+    if system.model.kinks:
+        from henon_ref.modes.kinks import HiddenKinks
+
+        trajectory = shown(trajectory, HiddenKinks(system.model))
+    return trajectory
 
 
 class Outcome:

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-PORTRAIT, PANEL, BORDER = (5.6, 4.3), 1.5, 0.85
-"""Width and height of a portrait, height of a time panel, and total height above and below the panels [in]."""
-
 
 def keywords_of(kind: type[Artist]) -> list[str]:
     """Return matplotlib's keywords for a kind of artist, with their aliases."""
@@ -48,7 +45,7 @@ def plotted(
     if across is None:
         (ax,) = plotted_over_time(system, motion, [system.state_names[upward]], ax, line)
     elif ax is None:
-        figure = style.pyplot_figure(PORTRAIT[1], PORTRAIT[0], layout="constrained")
+        figure = style.pyplot_figure(4.3, 5.6, layout="constrained")
         with style.report_style():
             ax = figure.subplots()
     with style.report_style():
@@ -75,7 +72,7 @@ def plotted_over_time(
         shown = axes_of_portrait(system) or (0,)
         names = [*(system.state_names[k] for k in shown), *system.sign_names][:MOST_SURFACES]
     if ax is None:
-        figure = style.pyplot_figure(BORDER + PANEL * len(names), layout="constrained")
+        figure = style.pyplot_figure(0.85 + 1.5 * len(names), layout="constrained")
         with style.report_style():
             ax = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     panels = np.atleast_1d(np.asarray(ax, dtype=object)).ravel()

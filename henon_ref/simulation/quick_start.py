@@ -1,5 +1,7 @@
 """Start of a run from plain Python numbers, in microseconds; reading general arguments takes a millisecond.
 
+Parameters that are expressions in other parameters follow changed ones (:func:`following`, :class:`Number`).
+
 Arguments that need the reader (values other than int and float, unknown names, constants that are not finite) are left
 to it (:mod:`henon_ref.simulation.arguments`); it also reports errors.
 """
@@ -7,15 +9,19 @@ to it (:mod:`henon_ref.simulation.arguments`); it also reports errors.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache, partial
+from graphlib import TopologicalSorter
 from itertools import chain
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
+import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
+from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.pairs import Pair, decimal_pair, exact_expression, exact_number, pairs_of
@@ -24,22 +30,55 @@ from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 
-if TYPE_CHECKING:
-    from henon_ref.simulation.dependent_parameters import Number
-
-KEPT = 64
-"""Number of cached sets of parameters, and of their values."""
 CLEARLY = 1e-9
 """A condition on the parameters above this value holds, whatever the rounding."""
 
 
-class Changes(NamedTuple):
-    """What changes with given parameters."""
+def following(system: System, moved: frozenset[str]) -> dict[str, sp.Expr]:
+    """Return the parameters that depend on changed ones, as expressions in the changed ones only."""
+    read = {name: expression for name, expression in system.parameter_expressions.items() if name not in moved}
+    uses = {name: {s.name for s in expression.free_symbols} for name, expression in read.items()}
+    known = {symbol: value for symbol, value in system.model.parameters.items() if symbol.name not in moved}
+    found: dict[str, sp.Expr] = {}
+    for name in TopologicalSorter(uses).static_order():  # each after the ones that it uses
+        if name in read and uses[name] & (moved | found.keys()):
+            found[name] = known[sp.Symbol(name, real=True)] = read[name].xreplace(known)
+    return found
 
-    dependents: Mapping[str, Number]
-    """Parameters that depend on them."""
-    places: tuple[int, ...]
-    """Places of the given parameters, then of their dependents, among the values; -1 of one in no equation."""
+
+class Number:
+    """Expression in parameters, evaluated exactly at the printed decimal numbers of their doubles.
+
+    ModelError if no program evaluates a function in it.
+    """
+
+    def __init__(self, expression: sp.Expr) -> None:
+        symbols = tuple(sorted(expression.free_symbols, key=lambda s: s.name))
+        self.names = tuple(symbol.name for symbol in symbols)
+        self._expression, self._symbols = expression, symbols
+        self._program = constant_program(symbols, (expression,)) if symbols else None
+
+    def pair(self, point: Sequence[float]) -> Pair:
+        """Return its value as a pair of doubles at values of ``names``; NaN if a value is not finite."""
+        if self._program is None:
+            return double_double(self._expression)
+        if all(map(math.isfinite, point)):
+            (exact,) = self._program.exact_values([exact_expression(value) for value in point])
+            high = float(exact)
+            if math.isfinite(high):
+                return high, float(exact - high)
+        return math.nan, 0.0
+
+    def pairs(self, columns: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.float64]:
+        """Return its values at many points, given as columns by name, shape (count, 2)."""
+        if self._program is None:
+            return np.broadcast_to(self.pair(()), (count, 2))
+        points, places = np.unique(np.column_stack([columns[n] for n in self.names]), axis=0, return_inverse=True)
+        return np.array([self.pair(point) for point in points.tolist()]).reshape(-1, 2)[places.ravel()]
+
+    def exact(self, values: Mapping[str, float]) -> sp.Expr:
+        """Return its exact value at values of the parameters."""
+        return self._expression.xreplace({s: exact_expression(values[s.name]) for s in self._symbols})
 
 
 class QuickStart:
@@ -54,7 +93,7 @@ class QuickStart:
         self._floats = {symbol.name: float(value) for symbol, value in self._own.items()}
         # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
-        self._changes, self._constants = lru_cache(KEPT)(self._changes_of), lru_cache(KEPT)(self._made)
+        self._changes, self._constants = lru_cache(64)(self._changes_of), lru_cache(64)(self._made)
 
     @classmethod
     def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
@@ -118,23 +157,23 @@ class QuickStart:
         if changes is None:
             return None
         pairs, values = given, self._values.copy()
-        if names and (changes.dependents or self._conditions):
+        dependents, places = changes
+        if names and (dependents or self._conditions):
             numbers = _numbers(names, given)
-            pairs += tuple([own.pair([numbers[name] for name in own.names]) for own in changes.dependents.values()])
-            if not self._clearly_allowed(numbers | _numbers(changes.dependents, pairs[len(given) :])):
+            pairs += tuple([own.pair([numbers[name] for name in own.names]) for own in dependents.values()])
+            if not self._clearly_allowed(numbers | _numbers(dependents, pairs[len(given) :])):
                 return None
-        for place, pair in zip(changes.places, pairs, strict=True):
+        for place, pair in zip(places, pairs, strict=True):
             if place >= 0:
                 values[place : place + 2] = pair
         made = ModeConstants(self.integrator.programs, tuple(values), partial(self._exact, names, given))
         return made if made.is_finite else None
 
-    def _changes_of(self, names: tuple[str, ...]) -> Changes | None:
-        """Return what changes with given parameters; None if it is more than numbers (or an exponent)."""
+    def _changes_of(self, names: tuple[str, ...]) -> tuple[Mapping[str, Number], tuple[int, ...]] | None:
+        """Return the parameters that depend on given ones, and the places of the given ones, then of these, among the
+        values (-1 of one in no equation); None if more changes than numbers (or an exponent)."""
         if not names:
-            return Changes({}, ())
-        from henon_ref.simulation.dependent_parameters import Number, following
-
+            return {}, ()
         if not self._floats.keys() >= set(names):
             return None
         try:
@@ -144,7 +183,7 @@ class QuickStart:
         changed = *names, *dependents
         if not self._system.exponent_parameters.isdisjoint(changed):
             return None
-        return Changes(dependents, tuple([self._places.get(name, -1) for name in changed]))
+        return dependents, tuple([self._places.get(name, -1) for name in changed])
 
     @cached_property
     def _conditions(self) -> Callable[..., list[float]] | None:
@@ -169,7 +208,7 @@ class QuickStart:
         assert changes is not None
         known = {symbol.name: value for symbol, value in self._own.items()}
         known |= {name: exact_expression(value) for name, value in numbers.items()}
-        known |= {name: own.exact(numbers) for name, own in changes.dependents.items()}
+        known |= {name: own.exact(numbers) for name, own in changes[0].items()}
         return [known[symbol.name] for symbol in self.integrator.programs.parameters]
 
 

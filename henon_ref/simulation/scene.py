@@ -11,10 +11,9 @@ import numpy as np
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.bodies import STATE_NAMES
-from henon_ref.system.python_values import mapping, sequence, tree_of, written_name
+from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node, Place
+from henon_ref.system.tree import MappingNode, Node, Place, mapping, sequence, tree_of, written_name
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from henon_ref.figures.animation import SceneAnimation
     from henon_ref.simulation.solution import Solution
 
-FRAMES = 100
-"""Default number of frames of an animation."""
 Value = Any
 """Number, text or SymPy expression in the parameters; if documented, also in time ``t`` and the states."""
 
@@ -260,7 +257,7 @@ class Scene:
             raise ArgumentError(
                 f"the run has the states {listed(run.system.state)}; wanted a run of this scene's system"
             )
-        motion = run.motion_at(np.linspace(run.start_time, run.trajectory.end_time, FRAMES) if times is None else times)
+        motion = run.motion_at(np.linspace(run.start_time, run.trajectory.end_time, 100) if times is None else times)
         return animated(self._axes(scene) if ax is None else ax, scene, run.system.model, motion, fps)
 
     def _drawable(self) -> Any:

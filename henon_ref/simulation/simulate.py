@@ -7,15 +7,14 @@ may be simulated from several threads at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.calls import explained
-from henon_ref.simulation.dense_output import STEPS
-from henon_ref.simulation.launch import Launch, Outcome, launch
+from henon_ref.simulation.launch import Outcome, ended, launch
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
 
@@ -78,11 +77,10 @@ def simulate(
     >>> run.transitions[["time_s", "kind", "x"]].values.tolist()
     [[2.0, 'stick', 1.0]]
     """
-    made = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
-    run = Run(made.integrator, made.start, dense=STEPS if dense_output else 0)
-    trajectory = made.ended(run.to_horizon())
-    begin, _ = made.start.time
-    return Solution(made.base, made.parameters, begin, made.start.x, trajectory, run.steps if dense_output else None)
+    integrator, begin = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
+    run = Run(integrator, begin, dense=256 if dense_output else 0)  # steps in one block of memory
+    trajectory = ended(run.to_horizon(), begin, system, stop)
+    return Solution(system, parameters, begin.time[0], begin.x, trajectory, run.steps if dense_output else None)
 
 
 @explained
@@ -122,7 +120,20 @@ def stream(
     >>> [round(row.time_s, 9) for row in stream(oscillator, {"x": 1, "v": 0}, until=5)]
     [1.570796327, 4.71238898]
     """
-    return TransitionStream(launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps))
+    integrator, begin = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
+
+    def rows() -> Generator[Any, None, Outcome]:
+        from henon_ref.modes.kinks import HiddenKinks
+        from henon_ref.simulation.tables import rows_of
+
+        model = system.model
+        run, named, kinks = Run(integrator, begin), rows_of(model), HiddenKinks(model)
+        for block in run.stream():
+            yield from named(block.visible(kinks) if model.kinks else block)
+        assert run.ended is not None
+        return Outcome(system, parameters, ended(run.ended, begin, system, stop)._replace(transitions=()))
+
+    return TransitionStream(rows())
 
 
 class TransitionStream(Iterator[Any]):
@@ -134,23 +145,16 @@ class TransitionStream(Iterator[Any]):
         End of the run; None before the last transition.
     """
 
-    def __init__(self, made: Launch) -> None:
+    def __init__(self, rows: Generator[Any, None, Outcome]) -> None:
+        self._rows = rows
         self.outcome: Outcome | None = None
-        self._rows = self._made(made)
-
-    def _made(self, made: Launch) -> Iterator[Any]:
-        from henon_ref.modes.kinks import HiddenKinks
-        from henon_ref.simulation.tables import rows_of
-
-        model = made.base.model
-        run, rows, kinks = Run(made.integrator, made.start), rows_of(model), HiddenKinks(model)
-        for block in run.stream():
-            yield from rows(block.visible(kinks) if model.kinks else block)
-        assert run.ended is not None
-        self.outcome = Outcome(made.base, made.parameters, made.ended(run.ended)._replace(transitions=()))
 
     def __next__(self) -> Any:
-        return next(self._rows)
+        try:
+            return next(self._rows)
+        except StopIteration as end:
+            self.outcome = self.outcome or end.value
+            raise
 
 
 def load_run(path: str | Path) -> Solution:

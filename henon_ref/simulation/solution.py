@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from henon_ref.figures.motion import Motion
 
-PLOTTED = 4000
-"""Number of times at which a plot evaluates the solution, in addition to the ends of its steps."""
 SHOWN = 10
 """Largest number of transitions that a notebook shows."""
 _NO_DENSE = "requires dense output: simulate with dense_output=True"
@@ -305,10 +303,10 @@ class Solution(Outcome):
         return plotted_over_time(self.system.model, self._drawn(), names, ax, line)
 
     def _drawn(self) -> Motion:
-        """Return the motion that a plot shows."""
+        """Return the motion that a plot shows, at 4000 times in addition to the ends of the steps."""
         if self.sol is None or self.sol.end <= self.sol.start:
             raise ArgumentError("nothing to plot: a plot requires dense output and a run that has left its start")
-        return self.motion(PLOTTED, self.t)
+        return self.motion(4000, self.t)
 
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
         """Return states and modes at equidistant times, at each transition, and just before each jump, for drawing."""

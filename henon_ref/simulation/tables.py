@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 COLUMNS = ("time_s", "kind", "surface", "from_mode", "to_mode")
 """Columns of a table of transitions; the states follow by name."""
-STICK_COLUMNS = ("start_s", "duration_s", "surface")
 _named_tuple: Any = namedtuple
 """namedtuple without a static type: its fields depend on the system."""
 
@@ -66,12 +65,12 @@ def stick_table(system: FilippovSystem, transitions: Sequence[Transition], start
     import pandas as pd
 
     found = sticks(transitions, start=start, after=start)
-    columns = (
-        np.array([s.start for s in found], dtype=np.float64),
-        np.array([s.duration for s in found], dtype=np.float64),
-        np.array([system.sign_names[s.surface] for s in found], dtype=object),
-    )
-    return pd.DataFrame(dict(zip(STICK_COLUMNS, columns, strict=True)))
+    columns = {
+        "start_s": np.array([s.start for s in found], dtype=np.float64),
+        "duration_s": np.array([s.duration for s in found], dtype=np.float64),
+        "surface": np.array([system.sign_names[s.surface] for s in found], dtype=object),
+    }
+    return pd.DataFrame(columns)
 
 
 def state_table(

@@ -16,10 +16,9 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import HenonRefError
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, local_error
 from henon_ref.integrator.pairs import decimal_pairs, pair_of
 from henon_ref.integrator.points import ExactPoint, PointRuns
-from henon_ref.integrator.prepared_run import local_error
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -32,8 +31,6 @@ from henon_ref.taylor.tape import TIME
 OK = "the run reached its horizon"
 POINTS = "points"
 """Name of the table with one row for each point."""
-KEPT_SWEEPS, KEPT_EXPRESSIONS = 8, 256
-"""Numbers of sweeps, and of compiled expressions, that a worker caches."""
 Places = NDArray[np.int64]
 
 
@@ -49,25 +46,18 @@ class Tables:
     """Messages for the points that have no run."""
 
 
-@lru_cache(maxsize=KEPT_SWEEPS)
+@lru_cache(maxsize=8)
 def _unpickled(work: bytes) -> Work:
     made: Work = pickle.loads(work)
     return made
 
 
 def execute(work: bytes, first: int, values: Vector, size: int) -> tuple[list[Tables], float]:
-    """Run consecutive chunks; return the observations of each, and the processor time used [s].
+    """Run consecutive chunks of ``size`` points (the last may have fewer); return the observations of each, and the
+    processor time used [s].
 
-    Parameters
-    ----------
-    work : bytes
-        Pickled :class:`Work`, equal for all chunks of a sweep.
-    first : int
-        Index of the first point.
-    values : ndarray, shape (K, k)
-        Values of the points.
-    size : int
-        Number of points of a chunk; the last chunk may have fewer.
+    ``work`` is pickled, and equal for all chunks of a sweep; ``first`` is the index of the first point; ``values`` has
+    the shape (K, k).
     """
     began = thread_time()
     runs = run_chunk(_unpickled(work), values, first)
@@ -121,14 +111,10 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
 
 
 def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return why each of K points has no run, as text (None if it has one), and its open kinks.
+    """Return why each of K points has no run, as text (None if it has one), and its open kinks
+    (:class:`henon_ref.modes.system.FilippovSystem`), two arrays of shape (K,).
 
     Points that are not clearly valid in doubles are checked in exact numbers, as by :func:`henon_ref.simulate`.
-    Returns
-    -------
-    reasons : ndarray of str or None, shape (K,)
-    open_kinks : ndarray of frozenset, shape (K,)
-        See :class:`henon_ref.modes.system.FilippovSystem`.
     """
     system, count = runs.system, len(runs)
     start, until = runs.times[:, :, 0].T
@@ -178,7 +164,7 @@ def _values(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vec
     return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)
 
 
-@lru_cache(maxsize=KEPT_EXPRESSIONS)
+@lru_cache(maxsize=256)
 def _function(expression: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
     """Return the names in an expression, and the expression as a function of arrays of their values."""
     symbols = sorted(expression.free_symbols, key=lambda s: s.name)

@@ -33,17 +33,11 @@ from henon_ref.taylor.tape import build_tape
 
 ROUNDING = 2.0**-49
 """Relative rounding error of values and bounds, with respect to the largest intermediate number."""
-KEPT = 64
-"""Number of cached expressions."""
-MOST_HALVINGS = 50
-NEWTON = 8
-"""Number of steps of Newton's method, from the middle of a piece."""
 MOST_PIECES = 4096
 """Largest number of pieces of one run that are halved at a time; more occur only if rounding errors dominate."""
 MOST_NUMBERS = 1 << 22
 """Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
-_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
-NUMPY = Ring({name: getattr(np, _NAMES.get(name, name)) for name in FUNCTIONS}, np.power)
+NUMPY = Ring({name: getattr(np, name) for name in FUNCTIONS}, np.power)
 """Ring of arrays of doubles."""
 
 
@@ -100,52 +94,6 @@ def _binomials(order: int) -> Vector:
     return np.array([[[comb(j, k)] for k in range(order + 1)] for j in range(order + 1)], dtype=np.float64)
 
 
-class AlongSteps:
-    """Evaluation of an expression along the steps of runs.
-
-    Parameters
-    ----------
-    states : sequence of Symbol
-    expression : Expr
-        In time, states and parameters.
-    """
-
-    def __init__(self, states: Sequence[sp.Symbol], expression: sp.Expr) -> None:
-        self._tape = build_tape(states, (), [expression])
-        self._symbols = sorted(set().union(*(c.free_symbols for c in self._tape.constants)), key=lambda s: s.name)
-        self._constants = sp.lambdify(self._symbols, list(self._tape.constants), "numpy")
-
-    def extremes(self, pieces: Pieces, parameters: Mapping[str, Vector], count: int) -> tuple[Vector, Vector]:
-        """Return the minimum and maximum on the pieces of each of ``count`` runs; infinite without a value.
-
-        Parameters
-        ----------
-        pieces : Pieces
-        parameters : mapping
-            Parameter -> its value in each run, shape (count,).
-        count : int
-        """
-        with np.errstate(all="ignore"):
-            numbers = [np.broadcast_to(c, count) for c in self._constants(*(parameters[s.name] for s in self._symbols))]
-            return _searched(self, pieces, numbers, count)
-
-    def series(self, pieces: Pieces, numbers: Sequence[Vector], order: int) -> tuple[Vector, Vector]:
-        """Return the coefficients on each piece, shape (order + 1, S), and the largest number in the first."""
-        constants = [c[pieces.run] for c in numbers]
-        states = [list(own) for own in pieces.states]
-        (found,), sizes = along(self._tape, constants, pieces.begin, states, order, NUMPY, pieces.length)
-        nothing = np.zeros(len(pieces.run))
-        return np.array([nothing + c for c in found]), np.max([nothing, *map(np.abs, sizes)], axis=0)
-
-    def value(self, pieces: Pieces, numbers: Sequence[Vector], at: Vector | float) -> Vector:
-        """Evaluate the expression at a fraction of each piece (0 to 1), shape (S,)."""
-        x = pieces.states[:, -1]
-        for k in range(pieces.states.shape[1] - 2, -1, -1):
-            x = x * at + pieces.states[:, k]
-        there = Pieces(pieces.run, pieces.begin + at * pieces.length, pieces.length, x[:, None])
-        return self.series(there, numbers, 0)[0][0]
-
-
 class _Bounds(NamedTuple):
     """Bernstein coefficients of an expression on pieces, shape (order + 1, S), and their error bounds, shape (S,)."""
 
@@ -179,7 +127,7 @@ class _Bounds(NamedTuple):
         """Return the zero of the derivative by Newton's method, and whether its effect is below rounding."""
         rows, order = self.coefficients, len(self.coefficients) - 1
         at = np.full(rows.shape[1], 0.5)
-        for _ in range(NEWTON):
+        for _ in range(8):
             three = rows
             while len(three) > 3:
                 three = three[:-1] + at * (three[1:] - three[:-1])
@@ -190,70 +138,99 @@ class _Bounds(NamedTuple):
         return np.where(np.isfinite(at), at, 0.5), np.abs(curvature) * step * step <= ROUNDING * self.size
 
 
-def _searched(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector], count: int) -> tuple[Vector, Vector]:
-    least, largest = np.full(count, np.inf), np.full(count, -np.inf)
-    ends = of.value(pieces, numbers, 0.0), of.value(pieces, numbers, 1.0)
+class AlongSteps:
+    """Evaluation of an expression in time, states and parameters along the steps of runs."""
 
-    def found(run: Any, values: Vector) -> None:
-        np.minimum.at(least, run, values)
-        np.maximum.at(largest, run, values)
+    def __init__(self, states: Sequence[sp.Symbol], expression: sp.Expr) -> None:
+        self._tape = build_tape(states, (), [expression])
+        self._symbols = sorted(set().union(*(c.free_symbols for c in self._tape.constants)), key=lambda s: s.name)
+        self._constants = sp.lambdify(self._symbols, list(self._tape.constants), "numpy")
 
-    def beyond(run: Any, bounds: _Bounds) -> Any:
-        """Return the pieces that may exceed the extremes found so far by more than rounding."""
-        slack = 2.0 * ROUNDING * bounds.size - bounds.error
-        rows = bounds.coefficients.min(axis=0) < least[run] - slack
-        rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
-        rows |= np.isinf(bounds.error)
-        rows = np.flatnonzero(rows & ((bounds.error != 0) | (bounds.turns > 0)))
-        return rows[rank_in_run(run[rows]) < MOST_PIECES]
+    @np.errstate(all="ignore")
+    def extremes(self, pieces: Pieces, parameters: Mapping[str, Vector], count: int) -> tuple[Vector, Vector]:
+        """Return the minimum and maximum on the pieces of each of ``count`` runs; infinite without a value.
 
-    for values in ends:
-        found(pieces.run, values)
-    bounds = _bounds(of, pieces, numbers)
-    for _ in range(MOST_HALVINGS):
-        rows = beyond(pieces.run, bounds)
-        if not len(rows):
-            break
-        pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
-        at, settled = bounds.stationary()
-        found(pieces.run, of.value(pieces, numbers, at))
-        rows = np.flatnonzero(~(settled & (bounds.error == 0) & (bounds.turns == 1)))
-        pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
-        found(pieces.run, of.value(pieces, numbers, 0.5))
-        order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of a piece are consecutive
-        half = np.full(len(rows), 0.5)
-        pieces = joined_pieces([pieces.part(first, half) for first in (0.0 * half, half)]).chosen(order)
-        bounds = _Bounds(*(np.concatenate(pair, axis=-1) for pair in zip(*bounds.halves(), strict=True))).chosen(order)
-        loose = np.flatnonzero(bounds.error)
-        if len(loose):
-            again = _bounds(of, pieces.chosen(loose), numbers)
-            for own, other in zip(bounds, again, strict=True):
-                own[..., loose] = other
-    return least, largest
+        ``parameters``: parameter -> its value in each run, shape (count,).
+        """
+        numbers = [np.broadcast_to(c, count) for c in self._constants(*(parameters[s.name] for s in self._symbols))]
+        least, largest = np.full(count, np.inf), np.full(count, -np.inf)
+
+        def found(run: Any, values: Vector) -> None:
+            np.minimum.at(least, run, values)
+            np.maximum.at(largest, run, values)
+
+        def beyond(run: Any, bounds: _Bounds) -> Any:
+            """Return the pieces that may exceed the extremes found so far by more than rounding."""
+            slack = 2.0 * ROUNDING * bounds.size - bounds.error
+            rows = bounds.coefficients.min(axis=0) < least[run] - slack
+            rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
+            rows |= np.isinf(bounds.error)
+            rows = np.flatnonzero(rows & ((bounds.error != 0) | (bounds.turns > 0)))
+            return rows[rank_in_run(run[rows]) < MOST_PIECES]
+
+        for end in (0.0, 1.0):
+            found(pieces.run, self.value(pieces, numbers, end))
+        bounds = self._bounds(pieces, numbers)
+        for _ in range(50):
+            rows = beyond(pieces.run, bounds)
+            if not len(rows):
+                break
+            pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
+            at, settled = bounds.stationary()
+            found(pieces.run, self.value(pieces, numbers, at))
+            rows = np.flatnonzero(~(settled & (bounds.error == 0) & (bounds.turns == 1)))
+            pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
+            found(pieces.run, self.value(pieces, numbers, 0.5))
+            order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of a piece are consecutive
+            half = np.full(len(rows), 0.5)
+            pieces = joined_pieces([pieces.part(first, half) for first in (0.0 * half, half)]).chosen(order)
+            halves = zip(*bounds.halves(), strict=True)
+            bounds = _Bounds(*(np.concatenate(pair, axis=-1) for pair in halves)).chosen(order)
+            loose = np.flatnonzero(bounds.error)
+            if len(loose):
+                again = self._bounds(pieces.chosen(loose), numbers)
+                for own, other in zip(bounds, again, strict=True):
+                    own[..., loose] = other
+        return least, largest
+
+    def _bounds(self, pieces: Pieces, numbers: Sequence[Vector]) -> _Bounds:
+        """Return bounds from the series; its error is estimated by its last terms, its midpoint and its end."""
+        order = pieces.states.shape[1] - 1
+        series, size = self.series(pieces, numbers, order)
+        error = np.abs(series[-1]) + np.abs(series[-2])
+        somewhere = np.isfinite(series[0])
+        for at in (0.5, 1.0):
+            polynomial, value = series[-1], self.value(pieces, numbers, at)
+            for k in range(order - 1, -1, -1):
+                polynomial = polynomial * at + series[k]
+            error = error + np.abs(polynomial - value)
+            somewhere |= np.isfinite(value)
+        coefficients, binomials = np.zeros_like(series), _binomials(order)
+        for k in range(order + 1):
+            coefficients += binomials[:, k] / binomials[order, k] * series[k]
+        error = np.where(np.isfinite(error), error, np.where(somewhere, np.inf, np.nan))
+        size = np.maximum(size, np.abs(series).sum(axis=0))
+        error[error <= ROUNDING * size] = 0.0
+        return _Bounds(coefficients, error, size)
+
+    def series(self, pieces: Pieces, numbers: Sequence[Vector], order: int) -> tuple[Vector, Vector]:
+        """Return the coefficients on each piece, shape (order + 1, S), and the largest number in the first."""
+        constants = [c[pieces.run] for c in numbers]
+        states = [list(own) for own in pieces.states]
+        (found,), sizes = along(self._tape, constants, pieces.begin, states, order, NUMPY, pieces.length)
+        nothing = np.zeros(len(pieces.run))
+        return np.array([nothing + c for c in found]), np.max([nothing, *map(np.abs, sizes)], axis=0)
+
+    def value(self, pieces: Pieces, numbers: Sequence[Vector], at: Vector | float) -> Vector:
+        """Evaluate the expression at a fraction of each piece (0 to 1), shape (S,)."""
+        x = pieces.states[:, -1]
+        for k in range(pieces.states.shape[1] - 2, -1, -1):
+            x = x * at + pieces.states[:, k]
+        there = Pieces(pieces.run, pieces.begin + at * pieces.length, pieces.length, x[:, None])
+        return self.series(there, numbers, 0)[0][0]
 
 
-def _bounds(of: AlongSteps, pieces: Pieces, numbers: Sequence[Vector]) -> _Bounds:
-    """Return bounds from the series; its error is estimated by its last terms, its midpoint and its end."""
-    order = pieces.states.shape[1] - 1
-    series, size = of.series(pieces, numbers, order)
-    error = np.abs(series[-1]) + np.abs(series[-2])
-    somewhere = np.isfinite(series[0])
-    for at in (0.5, 1.0):
-        polynomial, value = series[-1], of.value(pieces, numbers, at)
-        for k in range(order - 1, -1, -1):
-            polynomial = polynomial * at + series[k]
-        error = error + np.abs(polynomial - value)
-        somewhere |= np.isfinite(value)
-    coefficients, binomials = np.zeros_like(series), _binomials(order)
-    for k in range(order + 1):
-        coefficients += binomials[:, k] / binomials[order, k] * series[k]
-    error = np.where(np.isfinite(error), error, np.where(somewhere, np.inf, np.nan))
-    size = np.maximum(size, np.abs(series).sum(axis=0))
-    error[error <= ROUNDING * size] = 0.0
-    return _Bounds(coefficients, error, size)
-
-
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=64)
 def along_steps(system: System, text: str) -> AlongSteps:
     """Return the evaluation of an expression given as text; cached for the chunks of a sweep."""
     return AlongSteps(system.model.states, moving_expression(system, text, "expression"))

@@ -134,9 +134,9 @@ class _AtSection(Observation):
 
     def places(self, runs: Runs) -> NDArray[np.int64]:
         """Return the indices of the transitions that are section points."""
-        section = runs.work.sections[self.expression(runs.system)]
-        at, before, after = runs.changes(section.surface)
-        came = -section.orientation * before  # the side that is approached
+        surface, orientation = runs.work.sections[self.expression(runs.system)]
+        at, before, after = runs.changes(surface)
+        came = -orientation * before  # the side that is approached
         wanted = DIRECTIONS[self.direction]
         reached = (before != 0) & (before != after) & ((came == wanted) | (wanted == 0))
         at = at[reached & (runs.records["time"][at] >= self.after)]

@@ -29,8 +29,6 @@ from henon_ref.text import listed
 
 LONGEST_NAME = 60
 """Largest number of characters of a name; the name of a table is that of a folder."""
-MOST_RETURNS = 10_000
-"""Largest number of returns to a section in a period."""
 
 
 @explained
@@ -106,11 +104,11 @@ def period(
     tolerance : float
         Largest difference of a state, relative to the largest state.
     most : int
-        Largest p that is tried.
+        Largest p that is tried, up to 10,000.
     """
     if not 0 < _number(tolerance, "tolerance") < 1:
         raise ArgumentError(f"tolerance is {tolerance}; wanted a number between 0 and 1")
-    returns = whole_number(most, "most", most=MOST_RETURNS)
+    returns = whole_number(most, "most", most=10_000)
     return Period(_text(of, "of"), _number(after, "after"), _direction(direction), float(tolerance), returns)
 
 
@@ -172,15 +170,8 @@ def function(of: Callable[[Solution], Any], name: str = VALUE, dense_output: boo
     return Function(of, _name(name), _flag(dense_output, "dense_output"))
 
 
-KINDS: dict[str, Callable[..., Observation]] = {
-    "sticks": sticks,
-    "final_state": final_state,
-    "section": section,
-    "period": period,
-    "extremes": extremes,
-    "lyapunov": lyapunov,
-    "status": status,
-}
+_IN_FILES = sticks, final_state, section, period, extremes, lyapunov, status
+KINDS: dict[str, Callable[..., Observation]] = {make.__name__: make for make in _IN_FILES}
 """Name in a sweep file -> function that makes the observation. (Functions of the user cannot be in a file.)"""
 
 

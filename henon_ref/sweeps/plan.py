@@ -24,15 +24,12 @@ from henon_ref.sweeps.table_files import Columns
 from henon_ref.sweeps.work import Observation, Runs, Work
 from henon_ref.workers.executors import Task
 
-FEWEST, MOST_CHUNK, CHUNKS = 16, 2000, 64
-"""Default size of a chunk: least and largest number of points, and number of chunks aimed at between these bounds.
-(Independent of the number of workers, so that the files do not depend on it.)"""
+MOST_CHUNK = 2000
+"""Largest default number of points of a chunk."""
 MOST_CHUNKS = 1_000_000
 """Largest number of chunks of a sweep: their files are in one folder, sorted by name."""
 FIGURES = "figures"
 """Folder of a sweep's figures, and therefore no name of a table."""
-TRIED = 100
-"""Number of first points of which at least one must be a valid problem; else the arguments are at fault."""
 RTOL = 1e-10
 
 
@@ -46,6 +43,10 @@ class Plan:
     """Number of points of a chunk; a multiple of the length of a chain."""
     tables: dict[str, tuple[str, ...]]
     """Name of each table -> its columns; the table of points first."""
+    name: str = "sweep"
+    """Name, title and source of the sweep file."""
+    title: str = "A sweep from Python"
+    source: str | None = None
 
     @cached_property
     def chunks(self) -> tuple[range, ...]:
@@ -128,9 +129,12 @@ def planned(
 
 
 def _horizon(work: Work, points: Points) -> float:
-    """Return the horizon for the system's own values, or, if these are invalid, for the first valid point."""
+    """Return the horizon for the system's own values, or, if these are invalid, for the first valid point.
+
+    If the first 100 points are also invalid, the arguments are at fault.
+    """
     refused: list[HenonRefError] = []
-    for values in ({}, *(dict(zip(points.names, row, strict=True)) for row in points.values[:TRIED].tolist())):
+    for values in ({}, *(dict(zip(points.names, row, strict=True)) for row in points.values[:100].tolist())):
         try:
             return float(problem_at(work, values).until)
         except HenonRefError as error:
@@ -179,7 +183,8 @@ def _check_once(what: str, names: Sequence[str], last: int | None) -> None:
 
 
 def _chunk_size(chunk: int | None, points: Points) -> int:
-    default = min(max(-(-len(points) // CHUNKS), FEWEST), MOST_CHUNK)
+    """Return the number of points of a chunk; by default that of 64 chunks, within bounds, whatever the workers."""
+    default = min(max(-(-len(points) // 64), 16), MOST_CHUNK)
     wanted = default if chunk is None else whole_number(chunk, "chunk")
     least = -(-len(points) // MOST_CHUNKS)
     if wanted < least:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.system import System
-from henon_ref.sweeps.random_values import placed, unit_cube
 from henon_ref.sweeps.table_files import MOST_NUMBERS, Vector, check_size, read_table
 from henon_ref.text import did_you_mean, listed
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Points", "continuation", "grid", "random", "table"]
 
-LONGEST_AXES = 5_000
-"""Largest number of grid values that a sweep file lists."""
 DIRECTION = "direction"
 """Column of a continuation: ``up`` or ``down``."""
 OWN_COLUMNS = ("point", "status", DIRECTION)
@@ -77,8 +74,8 @@ def grid(axes: Mapping[str, Any]) -> Points:
     """
     values = _axes(axes, "grid")
     written = _written(axes, values)
-    listed_values = sum(len(own) for own in written.values() if isinstance(own, list))
-    return Points(tuple(values), _combined(values), written={"grid": written} if listed_values <= LONGEST_AXES else {})
+    is_short = sum(len(own) for own in written.values() if isinstance(own, list)) <= 5_000  # else a table is written
+    return Points(tuple(values), _combined(values), written={"grid": written} if is_short else {})
 
 
 def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
@@ -101,8 +98,7 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     if len(lengths) != 1 or 0 in lengths:
         raise ArgumentError("a table of points needs columns of equal length, with at least one row")
     check_size(max(lengths), len(columns), "a table of points")
-    values = np.column_stack(list(columns.values()))
-    return Points(tuple(columns), values)
+    return Points(tuple(columns), np.column_stack(list(columns.values())))
 
 
 def continuation(
@@ -187,8 +183,8 @@ def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str =
         raise ArgumentError(f"method is {str(method)[:60]!r}; wanted {' or '.join(METHODS)}")
     shapes = {str(name): _distribution(name, given) for name, given in draws.items()}
     check_size(count, len(shapes), "'random'")
-    unit = unit_cube(len(shapes), count, seed, method)
-    values = np.column_stack([placed(name, unit[:, k], *shape) for k, (name, shape) in enumerate(shapes.items())])
+    unit = _unit_cube(len(shapes), count, seed, method)
+    values = np.column_stack([_placed(name, unit[:, k], *shape) for k, (name, shape) in enumerate(shapes.items())])
     drawn = {name: {kind: [first, second]} for name, (kind, first, second) in shapes.items()}
     written = {"random": {"draws": drawn, "count": int(count), "seed": int(seed), "method": method}}
     return Points(tuple(shapes), values, written=written)
@@ -235,9 +231,8 @@ def numbers(given: Any, what: str) -> Vector:
         raise ArgumentError(f"{what} is {str(given)[:60]}; wanted a list or array of numbers") from None
     if values.ndim != 1:
         raise ArgumentError(f"{what} has the shape {values.shape}; wanted a list or array of numbers")
-    wrong = np.nonzero(~np.isfinite(values))[0]
-    if wrong.size:
-        raise ArgumentError(f"{what} holds {values[wrong[0]]} at place {wrong[0] + 1}; a number must be finite")
+    for k in np.flatnonzero(~np.isfinite(values))[:1].tolist():
+        raise ArgumentError(f"{what} holds {values[k]} at place {k + 1}; a number must be finite")
     return values
 
 
@@ -309,9 +304,7 @@ def _check(points: Points) -> None:
     if points.chain < 1 or len(values) % points.chain or any(len(own) != len(values) for own in points.labels.values()):
         raise ArgumentError("chains must divide the number of points, and labels must be as many as the points")
     check_size(len(values), len(names), "'points'")
-    wrong = np.argwhere(~np.isfinite(values))
-    if len(wrong):
-        k, i = wrong[0].tolist()
+    for k, i in np.argwhere(~np.isfinite(values))[:1].tolist():
         raise ArgumentError(f"'{names[i]}' is {values[k, i]} at point {k}; a number must be finite")
 
 
@@ -323,3 +316,31 @@ def _distribution(name: Any, given: Any) -> tuple[str, float, float]:
     if len(values) != 2 or (kind == "uniform" and values[0] > values[1]) or (kind == "normal" and values[1] < 0):
         raise ArgumentError(f"'{kind}' of '{name}' is {str(pair)[:60]}; wanted {DISTRIBUTIONS[kind]}")
     return kind, float(values[0]), float(values[1])
+
+
+def _unit_cube(dimensions: int, count: int, seed: int, method: str) -> Vector:
+    """Return points of the open unit cube, shape (count, dimensions)."""
+    generator = np.random.Generator(np.random.PCG64(seed))
+    if method == "independent":
+        found = generator.random((count, dimensions))
+    else:
+        from scipy.stats import qmc
+
+        engine = qmc.Sobol(dimensions, scramble=True, rng=generator)
+        found = engine.random_base2(max(count - 1, 0).bit_length())[:count]  # SciPy warns if not a power of 2
+    return np.maximum(found, 2.0**-54)
+
+
+def _placed(name: str, unit: Vector, kind: str, first: float, second: float) -> Vector:
+    """Transform numbers from 0 to 1 to a distribution; ArgumentError if a result is not finite."""
+    if kind == "uniform":
+        if not np.isfinite(second - first):  # the range is longer than the largest double
+            return 2 * np.minimum(first / 2 + (second / 2 - first / 2) * unit, second / 2)
+        return np.minimum(first + (second - first) * unit, second)
+    from scipy.special import ndtri
+
+    with np.errstate(over="ignore"):
+        drawn = first + second * np.asarray(ndtri(unit))
+    if not np.isfinite(drawn).all():
+        raise ArgumentError(f"'normal' of '{name}' is [{first}, {second}]; numbers drawn from it are not finite")
+    return drawn

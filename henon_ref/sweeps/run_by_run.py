@@ -20,8 +20,6 @@ from henon_ref.sweeps.work import Observation, Runs, Work
 
 VALUE = "value"
 """Default column of a function."""
-LOOKED_AT = 100
-"""Number of first points whose values determine the columns of a function; a column without a value has numbers."""
 Cell = float | str | None
 
 
@@ -110,14 +108,15 @@ _WORDS: dict[type, str] = {float: "numbers", str: "text"}
 def with_columns(work: Work, points: Points) -> tuple[Observation, ...]:
     """Return a sweep's observations, with the columns of functions of the user determined at the first points.
 
-    The table is then independent of the division into chunks. Exceptions of the functions propagate.
+    The table is then independent of the division into chunks. A column without a value at the first 100 points has
+    numbers. Exceptions of the functions propagate.
     """
     return tuple(replace(o, kinds=_kinds(o, work, points)) if isinstance(o, Function) else o for o in work.observations)
 
 
 def _kinds(function: Function, work: Work, points: Points) -> dict[str, type]:
     kinds: dict[str, Any] = {}
-    for first in range(0, min(len(points), LOOKED_AT), points.chain):
+    for first in range(0, min(len(points), 100), points.chain):
         for row in function.rows(run_chunk(work, points.values[first : first + points.chain], first)):
             for name in list(kinds or row):
                 cell = row.get(name)

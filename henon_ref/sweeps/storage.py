@@ -14,7 +14,6 @@ import io
 import json
 import logging
 import os
-import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -30,8 +29,7 @@ from henon_ref.sweeps.chunk import POINTS, Tables
 from henon_ref.sweeps.plan import Plan
 from henon_ref.sweeps.table_files import CSV, MOST_WRITTEN, PARQUET, check_arrow, csv_bytes, parquet, read_parquet
 from henon_ref.sweeps.work import Observation
-from henon_ref.system.python_values import written
-from henon_ref.system.tree import as_written
+from henon_ref.system.tree import as_written, written
 from henon_ref.workers.machine import commit, library_versions, machine
 
 _LOG = logging.getLogger(__name__)
@@ -41,7 +39,6 @@ PAGE = "index.html"
 KEY = "henon_ref_sweep"
 """Key of the manifest with the names that belong to the sweep."""
 KEPT = "finished chunks are kept: --resume (resume=True) continues from them"
-OTHER = "holds a different sweep, or different chunks; remove it, or choose another folder"
 
 
 @dataclass(frozen=True)
@@ -86,35 +83,22 @@ class SweepFolder:
         check_arrow("a sweep with a folder")
         self.path, self.plan = path, plan
 
-    def begin(
-        self, *, resume: bool, name: str = "sweep", title: str = "A sweep from Python", source: str | None = None,
-        further: Sequence[str] = (PAGE,),
-    ) -> None:  # fmt: skip
-        """Create the folder, and write the manifest and the sweep file.
+    def begin(self, *, resume: bool, further: Sequence[str] = (PAGE,)) -> None:
+        """Create the folder, and write the manifest and the sweep file; ``further`` files are written at the end.
 
-        Parameters
-        ----------
-        resume : bool
-            Whether to keep finished chunks; else the files of an earlier sweep are removed.
-        name, title, source : str
-            Name, title and source of the sweep file.
-        further : sequence of str
-            Names of files that are written once the sweep is finished.
-
-        Raises
-        ------
-        CaseError
-            If the folder has files but no sweep, or (to resume) a different sweep; if a name is taken by a file that
-            is not the sweep's; or if it cannot be written. Only in the last case may something have been changed.
+        Files of an earlier sweep are removed, unless it is resumed. CaseError if the folder has files but no sweep, or
+        (to resume) a different sweep; if a name is taken by a file that is not the sweep's; or if it cannot be written.
+        Only in the last case may something have been changed.
         """
-        files = _files(self.plan, name, title, source)
+        files = _files(self.plan)
         own = Owned(self.plan.content, len(self.plan.chunks), tuple(self.plan.tables), (*sorted(files), *further))
         try:
             before = owned(self.path)
             if before is None and self.path.exists() and any(f.name[0] != "." for f in self.path.iterdir()):
                 raise CaseError("this folder has files, but no sweep; choose another folder", file=str(self.path))
             if resume and before is not None and before.content != own.content:
-                raise CaseError(f"this folder {OTHER}", file=str(self.path))
+                other = "this folder holds a different sweep, or different chunks; remove it, or choose another folder"
+                raise CaseError(other, file=str(self.path))
             self._check_free(own, before)
             if before is not None and not resume:
                 self._remove(before)
@@ -226,7 +210,7 @@ def _unwritten(error: OSError, folder: Path, kept: str) -> CaseError:
     return CaseError("; ".join(part for part in (reason, kept) if part), file=error.filename or str(folder))
 
 
-def _files(plan: Plan, name: str, title: str, source: str | None) -> dict[str, bytes]:
+def _files(plan: Plan) -> dict[str, bytes]:
     """Return name -> content of the files that repeat the sweep; functions of the user cannot be in them."""
     from ruamel.yaml import YAML
 
@@ -238,19 +222,19 @@ def _files(plan: Plan, name: str, title: str, source: str | None) -> dict[str, b
         tables[CSV] = csv_bytes(points.names, points.values)
     elif not points.written:
         tables[PARQUET] = parquet({name: points.values[:, k] for k, name in enumerate(points.names)})
-    yaml.dump(_sweep_file(plan, name, title, source, *tables), buffer)
+    yaml.dump(_sweep_file(plan, *tables), buffer)
     return {SWEEP_FILE: buffer.getvalue().encode(), **tables}
 
 
-def _sweep_file(plan: Plan, name: str, title: str, source: str | None, table: str = "") -> dict[str, Any]:
+def _sweep_file(plan: Plan, table: str = "") -> dict[str, Any]:
     work, system = plan.work, plan.work.system
     initial = {state: written(work.initial[state], state) for state in system.state}
     mode = {"mode": {str(sign): int(side) for sign, side in work.mode.items()}} if work.mode else {}
     entries = {
         "schema": 1,
-        "name": re.sub("[^a-z0-9_]", "_", name.lower())[:64] or "sweep",
-        "title": title,
-        "source": source,
+        "name": plan.name,
+        "title": plan.title,
+        "source": plan.source,
         **{key: as_written(node) for key, node in system.tree.entries.items()},
         "initial": {"t": written(work.start, "start"), **initial, **mode},
         "until": written(work.until, "until"),

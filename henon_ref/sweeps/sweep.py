@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -31,11 +31,10 @@ MOST_WARNINGS = 5
 """Largest number of warnings about points without a run."""
 TASK_SECONDS = 0.1
 """Intended processor time of a task [s]; short chunks are combined, because each task has an overhead."""
-FASTER = 8
-"""Largest factor by which the number of chunks grows from one task to the next."""
 PERIOD = 0.2
 """Interval between two updates of the progress line [s]."""
-KEPT_NOWHERE = "but lost, since no folder (out=) was given"
+Advance = Callable[[int, bool], None]
+"""Callback: number of points that are finished, and whether they were finished before."""
 
 
 class SweepTable(pd.DataFrame):
@@ -164,10 +163,7 @@ def done(
 ) -> Iterator[tuple[int, Tables]]:
     """Run the unfinished chunks, write them, show the progress, and yield each chunk's number and tables.
 
-    Raises
-    ------
-    HenonRefError
-        If the workers or the executor end; the message gives the finished chunks and how to resume.
+    If the workers or the executor end, the message of the HenonRefError gives the finished chunks and how to resume.
     """
     with progress(len(plan.points), quiet=quiet) as advance:
         before = set()
@@ -202,21 +198,18 @@ def _run(
                     yield number, tables
     except EndedError as error:
         there = f"{count} of {len(plan.chunks)} chunks are finished"
-        where = f"and stored in {folder.path}; --resume (resume=True) continues from them" if folder else KEPT_NOWHERE
+        where = "but lost, since no folder (out=) was given"
+        if folder is not None:
+            where = f"and stored in {folder.path}; --resume (resume=True) continues from them"
         raise EndedError(f"{error}; {there} {where}") from error
     for words in refused:
         _LOG.warning("%s", words)
 
 
 class _Groups(Iterator[list[int]]):
-    """Iterator over groups of chunk numbers, one for each task; the faster the chunks, the larger the groups.
+    """Iterator over groups of up to ``most`` consecutive chunk numbers, one for each task.
 
-    Parameters
-    ----------
-    numbers : sequence of int
-        Numbers of chunks in order; a group has consecutive numbers only.
-    most : int
-        Largest size of a group.
+    The faster the chunks, the larger the groups.
     """
 
     def __init__(self, numbers: Sequence[int], most: int) -> None:
@@ -224,7 +217,7 @@ class _Groups(Iterator[list[int]]):
 
     def took(self, count: int, seconds: float) -> None:
         """Record the processor time of a number of chunks [s]."""
-        wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), FASTER))
+        wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), 8))  # at most 8 times as many
         self._size = min(max(wanted, 1), self._most)
 
     def __next__(self) -> list[int]:
@@ -236,18 +229,12 @@ class _Groups(Iterator[list[int]]):
         return group
 
 
-class Advance(Protocol):
-    """Callback: number of points that are finished, and whether they were finished before."""
-
-    def __call__(self, points: int, kept: bool, /) -> None: ...
-
-
 @contextmanager
 def progress(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     """Show finished points, runs per second and the time left, in a terminal or a notebook (where it remains)."""
     line, began, drawn, done, run = Line(), time.monotonic(), 0.0, 0, 0
 
-    def advance(points: int, kept: bool, /) -> None:
+    def advance(points: int, kept: bool) -> None:
         nonlocal done, run, drawn
         done, run, now = done + points, run + (0 if kept else points), time.monotonic()
         if now - drawn > PERIOD and not quiet:
@@ -259,6 +246,6 @@ def progress(total: int, *, quiet: bool = False) -> Iterator[Advance]:
     try:
         yield advance
     finally:
-        line.end()
+        line.clear()
     if in_notebook() and not quiet:
         line.show(f"{done:,} of {total:,} points in {time.monotonic() - began:.1f} s")

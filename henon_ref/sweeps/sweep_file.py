@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from decimal import Decimal
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,6 @@ from typing import Annotated, Any, TypeVar
 from henon_ref.casefile.case import check_model, check_surfaces
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.schema import (
-    CaseForm,
     CaseName,
     Expression,
     InitialForm,
@@ -39,7 +38,6 @@ from henon_ref.system.problem import build_problem
 from henon_ref.system.source import Path as KeyPath
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, Node, ScalarNode, SequenceNode, child
-from henon_ref.text import did_you_mean, listed
 
 
 def _size(value: Any) -> int:
@@ -80,48 +78,19 @@ CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", 
 POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
-@dataclass(frozen=True)
-class SweepFile:
-    """Plan of a sweep, with the name, title and source of its file."""
-
-    name: str
-    title: str
-    source: str | None
-    plan: Plan
-
-
-def load_sweep(path: str | Path) -> SweepFile:
-    """Read a sweep file; a fault raises CaseError with file, line and column."""
-    tree = read_yaml(path, "sweep file")
-    whole = Source(tree, str(path))
-    form = read_form(SweepForm, whole)
-    common = {key: tree.entries[key] for key in CASE_KEYS if key in tree.entries}
-    source = Source(MappingNode(tree.place, common, tree.keys, tree.size), str(path))
-    case = read_form(CaseForm, source)
-    check_model(source, case)
+def load_sweep(path: str | Path) -> Plan:
+    """Read a sweep file into a plan; a fault raises CaseError with file, line and column."""
+    source = Source(read_yaml(path, "sweep file"), str(path))
+    form = read_form(SweepForm, source)
+    check_model(source)
     problem, _ = build_problem(source)
-    check_surfaces(source, case, problem)
-    system = System.from_tree(source.tree)
-    points = _points(whole, system, Path(path).parent)
-    observations = [_observation(whole, system, float(problem.until), k) for k in range(len(form.observe))]
-    initial = {name: source.text(("initial", name)) for name in system.state}
-    plan = _placed(
-        whole,
-        ("points",),
-        lambda: planned(
-            system,
-            initial,
-            until=source.text(("until",)),
-            grid=points,
-            observe=observations,
-            rtol=form.rtol,
-            chunk=form.chunk,
-            start=source.text(("initial", "t")) if "t" in source.keys(("initial",)) else 0,
-            mode=dict(form.initial.mode) or None,
-            max_steps=form.max_steps,
-        ),
-    )
-    return SweepFile(form.name, form.title, form.source, plan)
+    check_surfaces(source, problem)
+    system = System.from_source(source)
+    points = _points(source, system, Path(path).parent)
+    observations = [_observation(source, system, float(problem.until), k) for k in range(len(form.observe))]
+    make = partial(planned, system, rtol=form.rtol, chunk=form.chunk, max_steps=form.max_steps)
+    plan = _placed(source, ("points",), lambda: make(grid=points, observe=observations))
+    return replace(plan, name=form.name, title=form.title, source=form.source)
 
 
 def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool = False) -> T:
@@ -138,9 +107,7 @@ def _points(source: Source, system: System, folder: Path) -> Points:
     (kind,) = source.keys(("points",))
     path: KeyPath = ("points", kind)
     if kind not in POINT_KINDS:
-        raise source.error(
-            path, f"unknown kind '{kind}'{did_you_mean(kind, POINT_KINDS)}; allowed: {listed(POINT_KINDS)}", key=True
-        )
+        raise source.unknown(path, f"unknown kind '{kind}'", "allowed", POINT_KINDS)
     node = child(source.tree, path)
     if kind == "table":
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str):
@@ -187,17 +154,17 @@ def _check_keys(source: Source, system: System, path: KeyPath) -> None:
 def _known(source: Source, path: KeyPath, allowed: tuple[str, ...]) -> None:
     for name in source.keys(path):
         if name not in allowed:
-            known = f"allowed: {listed(allowed)}" if allowed else "it has no keys"
-            message = f"unknown key '{name}' in '{path[-1]}'{did_you_mean(name, allowed)}; {known}"
-            raise source.error((*path, name), message, key=True)
+            message, place = f"unknown key '{name}' in '{path[-1]}'", (*path, name)
+            if not allowed:
+                raise source.error(place, f"{message}; it has no keys", key=True)
+            raise source.unknown(place, message, "allowed", allowed)
 
 
 def _observation(source: Source, system: System, until: float, k: int) -> Observation:
     (kind,) = source.keys(("observe", k))
     path: KeyPath = ("observe", k, kind)
     if kind not in KINDS:
-        message = f"unknown observation '{kind}'{did_you_mean(kind, KINDS)}; allowed: {listed(KINDS)}"
-        raise source.error(path, message, key=True)
+        raise source.unknown(path, f"unknown observation '{kind}'", "allowed", KINDS)
     node = child(source.tree, path)
     nothing = isinstance(node, ScalarNode) and node.value is None
     if not nothing and not isinstance(node, MappingNode):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 import sympy as sp
@@ -13,57 +13,23 @@ from numpy.typing import NDArray
 
 from henon_ref.expressions.algebra import signed_form
 from henon_ref.expressions.evaluation import parse_expression
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, local_error
 from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import NOTHING, Keep
-from henon_ref.integrator.prepared_run import local_error
 from henon_ref.integrator.records import transition_dtype
 from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.modes.kinks import HiddenKinks
 from henon_ref.modes.mode import Mode, mode_text
-from henon_ref.simulation.dependent_parameters import Number, following
 from henon_ref.simulation.launch import integrator_of
+from henon_ref.simulation.quick_start import Number, following
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import Columns, Vector
-from henon_ref.system.python_values import as_given, python_number
+from henon_ref.system.tree import as_given, python_number
 from henon_ref.text import listed
 
 NO_KINKS = frozenset[int]()
 START, UNTIL = "initial time", "horizon"
 """Names of these two numbers among those of states; names of states have no space."""
-KEPT_SYSTEMS = 64
-"""Number of cached compiled systems of a sweep (one for each set of exponents)."""
-
-
-class Section(NamedTuple):
-    """Surface of a system that belongs to an expression."""
-
-    surface: int
-    orientation: int
-    """+1 or -1: ratio of the sign of the expression to that of the surface."""
-
-
-def with_sections(system: System, expressions: Sequence[sp.Expr]) -> tuple[System, dict[sp.Expr, Section]]:
-    """Return a system with additional surfaces for some expressions in time, states and parameters, and their indices.
-
-    An expression that equals a surface up to a factor of constant sign uses that surface. The field does not depend on
-    the sign of an added surface: its normal velocity is equal on both sides, so it is always crossed.
-    """
-    model = system.model
-    added: dict[sp.Symbol, sp.Expr] = {}
-    known: dict[object, tuple[int, int]] = {}
-    for index, surface in enumerate(model.surfaces):
-        form, way = signed_form(surface, model.parameters)
-        known.setdefault(form, (index, way))
-    found: dict[sp.Expr, Section] = {}
-    for expression in expressions:
-        form, way = signed_form(expression, model.parameters)
-        if form not in known:
-            known[form] = len(model.surfaces) + len(added), way
-            added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # distinct, since names have no space
-        index, own = known[form]
-        found[expression] = Section(index, way * own)
-    return (system.with_surfaces(added) if added else system), found
 
 
 @dataclass(frozen=True)
@@ -78,13 +44,7 @@ class Observation:
     """Name in a sweep file."""
 
     def check(self, system: System) -> None:
-        """Check, before anything runs, that the observation is possible for a system.
-
-        Raises
-        ------
-        ArgumentError
-            If it is not.
-        """
+        """Raise ArgumentError, before anything runs, if the observation is impossible for a system."""
 
     def sections(self, system: System) -> Sequence[sp.Expr]:
         """Return expressions whose zeros must be located."""
@@ -162,18 +122,37 @@ class Work:
             return NOTHING
         return Keep(after=min(keep.after for keep in some), open_sticks=any(keep.open_sticks for keep in some))
 
-    def _with_sections(self, system: System) -> tuple[System, dict[sp.Expr, Section]]:
-        return with_sections(system, [e for o in self.observations for e in o.sections(self.system)])
-
     @cached_property
-    def sections(self) -> dict[sp.Expr, Section]:
-        """Expression of an observation -> surface of the integrated system."""
+    def sections(self) -> dict[sp.Expr, tuple[int, int]]:
+        """Expression of an observation -> surface of the integrated system, and ratio of their signs, +1 or -1."""
         return self._with_sections(self.system)[1]
+
+    def _with_sections(self, system: System) -> tuple[System, dict[sp.Expr, tuple[int, int]]]:
+        """Return a system with additional surfaces for the observations' expressions, and :attr:`sections`.
+
+        An expression that equals a surface up to a factor of constant sign uses that surface. The field does not depend
+        on the sign of an added surface: its normal velocity is equal on both sides, so it is always crossed.
+        """
+        model = system.model
+        added: dict[sp.Symbol, sp.Expr] = {}
+        known: dict[object, tuple[int, int]] = {}
+        for index, surface in enumerate(model.surfaces):
+            form, way = signed_form(surface, model.parameters)
+            known.setdefault(form, (index, way))
+        found: dict[sp.Expr, tuple[int, int]] = {}
+        for expression in (e for o in self.observations for e in o.sections(self.system)):
+            form, way = signed_form(expression, model.parameters)
+            if form not in known:
+                known[form] = len(model.surfaces) + len(added), way
+                added[sp.Symbol(f"section {len(added) + 1}", real=True)] = expression  # other names have no space
+            index, own = known[form]
+            found[expression] = index, way * own
+        return (system.with_surfaces(added) if added else system), found
 
     @cached_property
     def integrator(self) -> Callable[..., Integrator]:
-        """Cached :meth:`_integrator`."""
-        return lru_cache(maxsize=KEPT_SYSTEMS)(self._integrator)
+        """Cached :meth:`_integrator`, for up to 64 sets of exponents."""
+        return lru_cache(maxsize=64)(self._integrator)
 
     def _integrator(self, *exponents: float, open_kinks: frozenset[int] = NO_KINKS) -> Integrator:
         """Compile the system with its sections, at some values of :attr:`moving_exponents` (default: the system's)."""

@@ -2,45 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Set
+from collections.abc import Collection, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import sympy as sp
 
 from henon_ref.modes.resets import with_resting
 from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.system.bodies import Body
+from henon_ref.taylor.tape import TIME
+
+BodyKind = Literal["mass", "rotor", "prescribed", "fixed"]
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Surface that a connection creates."""
+class Body:
+    """Body of a scene."""
 
-    sign: sp.Symbol
-    expression: sp.Expr
-    """In t, states and parameters."""
-    kink: bool = False
-    """Whether the surface belongs to a kink of an expression."""
+    name: str
+    kind: BodyKind
+    position: sp.Expr | None
+    """Position [m] or angle [rad]: a state, or an expression in t and parameters. None if only velocity is given."""
+    velocity: sp.Expr
+    """Velocity [m/s] or angular velocity [rad/s]."""
+    inertia: sp.Expr | None = None
+    """Mass [kg] or moment of inertia [kg m^2]. None if the motion is prescribed."""
 
+    @property
+    def states(self) -> tuple[sp.Symbol, ...]:
+        """States, position first; empty if the motion is prescribed."""
+        return () if self.inertia is None or self.position is None else (self.position, self.velocity)
 
-@dataclass(frozen=True)
-class Hold:
-    """Contact that holds its two bodies together up to a limit load."""
-
-    sign: sp.Symbol
-    limit: sp.Expr
-    """Largest force [N] or torque [N m] that the contact can hold."""
-
-
-@dataclass(frozen=True)
-class Impact:
-    """Surface at which two bodies collide and rebound."""
-
-    sign: sp.Symbol
-    restitution: sp.Expr
-    """Relative speed after the impact divided by the relative speed before [1]."""
+    @property
+    def acceleration(self) -> sp.Expr:
+        """Acceleration of a body whose motion is prescribed [m/s^2 or rad/s^2]."""
+        return sp.diff(self.velocity, TIME)
 
 
 @dataclass(frozen=True)
@@ -51,11 +49,16 @@ class Connection:
     ends: tuple[str, ...]
     """Names of the bodies, in the order of ``between``."""
     name: str | None
-    pushes: tuple[tuple[str, sp.Expr], ...]
+    pushes: Sequence[tuple[str, sp.Expr]]
     """Pairs of a body's name and the force [N] or torque [N m] on it."""
-    surfaces: tuple[Surface, ...]
-    holds: tuple[Hold, ...]
-    impacts: tuple[Impact, ...] = ()
+    surfaces: Mapping[sp.Symbol, sp.Expr]
+    """Sign -> its surface, in t, states and parameters, of all signs in the terms."""
+    kinks: Set[sp.Symbol]
+    """Signs of kinks of expressions."""
+    holds: Mapping[sp.Symbol, sp.Expr]
+    """Sign of a contact that holds its two bodies together -> largest force [N] or torque [N m] that it can hold."""
+    impacts: Mapping[sp.Symbol, sp.Expr]
+    """Sign of a surface at which two bodies collide -> relative speed after the impact over that before [1]."""
 
     @property
     def label(self) -> str:
@@ -77,25 +80,25 @@ class Scene:
 
     def system(self) -> FilippovSystem:
         """Return the Filippov system: states in the order of the bodies, surfaces in that of the connections."""
-        surfaces = list(dict.fromkeys(surface for each in self.connections for surface in each.surfaces))
-        order = [surface.sign for surface in surfaces]
+        surfaces = {sign: h for each in self.connections for sign, h in each.surfaces.items()}
+        places = {sign: i for i, sign in enumerate(surfaces)}
         system = FilippovSystem(
             states=tuple(x for body in self.bodies.values() for x in body.states),
-            signs=tuple(order),
-            surfaces=tuple(surface.expression for surface in surfaces),
+            signs=tuple(surfaces),
+            surfaces=tuple(surfaces.values()),
             field=self._field({}, {}),
             parameters=self.parameters,
             overrides={
-                order.index(hold.sign): self._held(number, connection, hold)
+                places[sign]: self._held(number, limit)
                 for number, connection in enumerate(self.connections)
-                for hold in connection.holds
+                for sign, limit in connection.holds.items()
             },
-            kinks=frozenset(number for number, surface in enumerate(surfaces) if surface.kink),
+            kinks=frozenset(places[sign] for connection in self.connections for sign in connection.kinks),
             effects=tuple(connection.label for connection in self.connections),
             resets={
-                order.index(impact.sign): Reset(thrown_back(*self._ends(connection), impact.restitution))
+                places[sign]: Reset(thrown_back(*self._ends(connection), restitution))
                 for connection in self.connections
-                for impact in connection.impacts
+                for sign, restitution in connection.impacts.items()
             },
         )
         return with_resting(system)
@@ -137,13 +140,13 @@ class Scene:
         """Free body -> symbols in its velocity and acceleration."""
         return {name: velocity.free_symbols | rate.free_symbols for name, (velocity, rate) in self._rates.items()}
 
-    def _held(self, number: int, connection: Connection, hold: Hold) -> SlidingOverride:
+    def _held(self, number: int, limit: sp.Expr) -> SlidingOverride:
         """Return the mode in which the two bodies of a contact move as one until the load exceeds the limit.
 
         The load is the force that the contact takes from the first body and gives to the second:
         ``m_p a = f_p - load``, ``m_q a = f_q + load``.
         """
-        p, q = self._ends(connection)
+        p, q = self._ends(self.connections[number])
         f_p, f_q = (self._force(body, without=number) for body in (p, q))
         if p.inertia is not None and q.inertia is not None:
             on_surface = {q.velocity: p.velocity}
@@ -161,7 +164,7 @@ class Scene:
             held, inertia = {q.name: p.acceleration}, q.inertia
         else:  # both motions are prescribed, with equal velocities: no load
             on_surface, load, held, inertia = {}, sp.Integer(0), {}, sp.Integer(0)
-        load, limit = load.xreplace(on_surface), hold.limit.xreplace(on_surface)
+        load, limit = load.xreplace(on_surface), limit.xreplace(on_surface)
         ends = {body.velocity: way / body.inertia for body, way in ((p, -1), (q, 1)) if body.inertia is not None}
         return SlidingOverride(
             field=self._field(on_surface, held),
@@ -177,11 +180,6 @@ def thrown_back(p: Body, q: Body, restitution: sp.Expr) -> dict[sp.Symbol, sp.Ex
 
     The relative velocity v_p - v_q is reversed and multiplied by the restitution; the total momentum is conserved
     (Brogliato, *Nonsmooth Mechanics*, 2016, Ch. 4). A body whose motion is prescribed is unaffected.
-    Parameters
-    ----------
-    p, q : Body
-    restitution : Expr
-        Relative speed after the impact divided by the relative speed before, 0 to 1 [1].
     """
     change = (1 + restitution) * (p.velocity - q.velocity)
     if p.inertia is None:

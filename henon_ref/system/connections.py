@@ -13,10 +13,12 @@ import sympy as sp
 
 from henon_ref.errors import CaseError
 from henon_ref.expressions.kinks import Kinks
-from henon_ref.system.assembly import Hold, Impact, Surface
-from henon_ref.system.bodies import Body, Range
+from henon_ref.system.assembly import Body
 from henon_ref.system.source import Path, Source
 from henon_ref.taylor.tape import TIME
+
+Range = Literal["any", "nonnegative", "positive", "fraction"]
+"""Range of a value; ``fraction``: from 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Key:
 
 @dataclass
 class Link:
-    """Connection under construction: the values of its keys and the terms that they add."""
+    """Connection under construction: the values of its keys and the terms that they add (see ``Connection``)."""
 
     kind: str
     ends: tuple[Body, ...]
@@ -53,11 +55,11 @@ class Link:
     """Key that may hold states -> arguments of the kinks of its value, which have no symbols yet."""
     pushes: list[tuple[str, sp.Expr]] = field(default_factory=list)
     """Pairs of a body's name and the force [N] or torque [N m] of this connection on it."""
-    surfaces: list[Surface] = field(default_factory=list)
-    shared: list[Surface] = field(default_factory=list)
+    surfaces: dict[sp.Symbol, sp.Expr] = field(default_factory=dict)
+    shared: dict[sp.Symbol, sp.Expr] = field(default_factory=dict)
     """Surfaces of other connections whose signs occur in the terms of this connection (as signs of equal kinks)."""
-    holds: list[Hold] = field(default_factory=list)
-    impacts: list[Impact] = field(default_factory=list)
+    holds: dict[sp.Symbol, sp.Expr] = field(default_factory=dict)
+    impacts: dict[sp.Symbol, sp.Expr] = field(default_factory=dict)
 
     def error(self, message: str, *, at: str | None = None) -> CaseError:
         """Error at the key ``at``, or at the connection's kind if ``at`` is None."""
@@ -98,7 +100,7 @@ class Link:
         """Add a surface, named as the connection or ``letter_p_q``, and return the symbol of its sign."""
         name = self.name or "_".join((letter, *(body.name for body in self.ends)))
         symbol = sp.Symbol(name, real=True)
-        self.surfaces.append(Surface(symbol, surface))
+        self.surfaces[symbol] = surface
         self.kinks.declare(symbol, surface)
         return symbol
 
@@ -112,10 +114,10 @@ class Link:
 
     def kinked(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression and add the surfaces of its kinks to this connection."""
-        self.surfaces += [Surface(sign, surface, kink=True) for sign, surface in self.kinks.used(expression).items()]
+        self.surfaces |= self.kinks.used(expression)
         for sign, surface in self.kinks.declared.items():
-            if expression.has(sign) and Surface(sign, surface) not in self.surfaces:
-                self.shared.append(Surface(sign, surface))
+            if expression.has(sign) and sign not in self.surfaces:
+                self.shared[sign] = surface
         return expression
 
 
@@ -156,8 +158,6 @@ LAWS = {"coulomb": None, "stribeck": "slope", "stribeck_exp": "velocity"}
 """Friction law -> key that only this law requires. ``stribeck`` is Eq. (2) of Olejnik and Awrejcewicz (2013),
 force/(1 + slope abs(v)). ``stribeck_exp`` is force + (static - force) exp(-abs(v)/velocity), as in Modelica's
 ``MassWithStopAndFriction``."""
-UNITS = {"slope": "s/m, between rotors s/rad", "velocity": "m/s, between rotors rad/s"}
-TIMES = (sp.Rational(1, 3), sp.Rational(7, 5), sp.Rational(29, 11))
 
 
 def _friction(link: Link) -> None:
@@ -182,15 +182,15 @@ def _friction(link: Link) -> None:
     if "viscous" in given:
         link.push(-given["viscous"] * velocity)
     if alone and not velocity.has(TIME):  # no effect on the motion, but stuck while the velocities are equal
-        link.holds.append(Hold(sign, normal * (force if static is None else static)))
+        link.holds[sign] = normal * (force if static is None else static)
     elif not alone and static is not None and law != "stribeck_exp":  # this law reaches 'static' at rest
-        link.holds.append(Hold(sign, normal * static))
+        link.holds[sign] = normal * static
 
 
 def _is_constant(velocity: sp.Expr) -> bool:
     """Check whether a prescribed velocity is constant, by its derivative (an analytic function) at a few times."""
-    rate = sp.diff(velocity, TIME)
-    return all(abs(sp.N(rate.xreplace({TIME: time}), 40)) < sp.Float("1e-30") for time in TIMES)
+    rate, times = sp.diff(velocity, TIME), (sp.Rational(1, 3), sp.Rational(7, 5), sp.Rational(29, 11))
+    return all(abs(sp.N(rate.xreplace({TIME: time}), 40)) < sp.Float("1e-30") for time in times)
 
 
 def _checked_law(link: Link) -> str:
@@ -198,7 +198,8 @@ def _checked_law(link: Link) -> str:
     for name, own in LAWS.items():
         if own is not None and (own in link.values) != (name == law):
             if name == law:
-                raise link.error(f"friction with the law '{law}' requires '{own}' [{UNITS[own]}]")
+                unit = "s/m, between rotors s/rad" if own == "slope" else "m/s, between rotors rad/s"
+                raise link.error(f"friction with the law '{law}' requires '{own}' [{unit}]")
             raise link.error(f"the law '{law}' has no '{own}'; the law '{name}' has", at=own)
     return law
 
@@ -222,7 +223,7 @@ def _stop(link: Link) -> None:
     if ways == ["restitution"]:
         if "damping" in link.values:
             raise link.error("a hard stop, with 'restitution', has no 'damping'", at="damping")
-        link.impacts.append(Impact(sign, link.values["restitution"]))
+        link.impacts[sign] = link.values["restitution"]
         return
     spring = -link.values["stiffness"] * opening
     link.push(spring * (1 - sign) / 2)

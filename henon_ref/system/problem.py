@@ -29,10 +29,6 @@ MODEL_KEYS = ("system", "scene", "sliding", "resets")
 NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 """Functions with a restricted domain or with poles."""
-KINK_IN_MAP = (
-    "a map must have no kinks and no signs: write the branch that applies when the surface falls (for a speed v, "
-    "which is negative there, write -v for abs(v))"
-)
 
 
 def build_problem(source: Source) -> tuple[Problem, Names]:
@@ -65,7 +61,10 @@ def _written_model(source: Source) -> tuple[FilippovSystem, Names]:
         system = scene.system()
     else:
         system, names = _system(source)
-    overrides = _overrides(source, names)
+    overrides = {
+        _plain_surface(source, names, ("sliding", sign), "a sliding mode"): _override(source, sign, names)
+        for sign in source.keys(("sliding",))
+    }
     for i in overrides.keys() & system.resets.keys():
         message = f"'{system.sign_names[i]}' is a hard stop; its sliding mode (a body at rest) cannot be replaced"
         raise source.error(("sliding", system.sign_names[i]), message, key=True)
@@ -148,15 +147,6 @@ def _check_names(source: Source, states: list[str], signs: list[str], parameters
             seen[name] = kind
 
 
-def _overrides(source: Source, names: Names) -> dict[int, SlidingOverride]:
-    """Return the sliding modes that the case overrides, by the index of their surface."""
-    overrides = {}
-    for sign in source.keys(("sliding",)):
-        index = _plain_surface(source, names, ("sliding", sign), "a sliding mode")
-        overrides[index] = _override(source, sign, names)
-    return overrides
-
-
 def _plain_surface(source: Source, names: Names, path: tuple[str, str], what: str) -> int:
     """Return the index of the surface that a key names, which must have no kinks."""
     order, sign = list(names.signs), path[1]
@@ -187,7 +177,11 @@ def _resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, R
             if name not in names.states:
                 raise source.unknown(place, f"'{name}' is not a state", "states", names.states)
             if source.has_kinks(place):
-                raise source.error(place, f"in '{name}': {KINK_IN_MAP}")
+                raise source.error(
+                    place,
+                    f"in '{name}': a map must have no kinks and no signs: write the branch that applies when the "
+                    "surface falls (for a speed v, which is negative there, write -v for abs(v))",
+                )
             values[names.states[name]] = names.smooth(source, place)
         if all(x == value for x, value in values.items()):
             raise source.error((*path, "map"), "the map changes no state; leave the reset out", key=True)
@@ -238,17 +232,15 @@ def _check_start(source: Source, problem: Problem) -> None:
         with source.at(("initial",)):
             source.work.charge(size(expression, MAX_SIZE), 0)
         try:
-            value = put(problem.system.numeric(expression), _start(problem))
+            value = _at_start(problem, expression)
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if (value.has(*NO_VALUE) or value.is_real is False) and not _unused_at_start(problem, expression):
-            raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
-
-
-def _unused_at_start(problem: Problem, surface: sp.Expr) -> bool:
-    """Check whether an expression is a kink of a branch that is not in use at the start."""
-    system = problem.system
-    return surface in system.surfaces and system.surfaces.index(surface) in system.unused_kinks(_sides(problem))
+        if not (value.has(*NO_VALUE) or value.is_real is False):
+            continue
+        surfaces = problem.system.surfaces
+        if expression in surfaces and surfaces.index(expression) in problem.system.unused_kinks(_sides(problem)):
+            continue  # a kink of a branch that is not in use at the start
+        raise source.error(("initial",), f"{what} has no finite real value at the start", key=True)
 
 
 def with_open_kinks(problem: Problem) -> Problem:
@@ -274,9 +266,8 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
     powers = [p for p in expression.atoms(sp.Pow) if _may_fail(p)]
     if not powers and not expression.has(*PARTIAL):
         return False
-    at, numeric = _start(problem), problem.system.numeric
-    value = put(numeric(expression), at)
-    ends = (put(numeric(p.base), at) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
+    value = _at_start(problem, expression)
+    ends = (_at_start(problem, p.base) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
     return value.has(*NO_VALUE) or value.is_real is False or any(ends)
 
 
@@ -307,8 +298,9 @@ def _may_fail(power: sp.Pow) -> bool:
     return not (power.exp.is_Integer and power.exp.is_positive)
 
 
-def _start(problem: Problem) -> dict[sp.Symbol, sp.Expr]:
-    return {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
+def _at_start(problem: Problem, expression: sp.Expr) -> sp.Expr:
+    start = {TIME: problem.start, **dict(zip(problem.system.states, problem.initial, strict=True))}
+    return put(problem.system.numeric(expression), start)
 
 
 def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
@@ -333,5 +325,5 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
 
 
 def _side_at_start(problem: Problem, expression: sp.Expr) -> int:
-    value = put(problem.system.numeric(expression), _start(problem))
+    value = _at_start(problem, expression)
     return 0 if value.has(*NO_VALUE) else exact_sign(value)

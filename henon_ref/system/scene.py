@@ -5,20 +5,35 @@ Only the connections named in the scene become part of the equations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import TypeVar
 
 import sympy as sp
 
-from henon_ref.expressions.grammar import MAX_STATES, name_problem
+from henon_ref.expressions.bounds import exact_sign
+from henon_ref.expressions.grammar import MAX_STATES, NAME, name_problem
 from henon_ref.expressions.kinks import Kinks
 from henon_ref.expressions.operations import names_in
-from henon_ref.system.assembly import Connection, Scene
-from henon_ref.system.bodies import Body, Quantities, read_bodies
-from henon_ref.system.connections import KINDS, Key, Kind, Link
+from henon_ref.system.assembly import Body, BodyKind, Connection, Scene
+from henon_ref.system.connections import KINDS, Key, Kind, Link, Range
 from henon_ref.system.kinks import check_kinks, resolved
-from henon_ref.system.source import Names, Path, Source
+from henon_ref.system.source import WITH_VALUES, Names, Path, Source
 from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
+from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
+
+T = TypeVar("T")
+KEYS: Mapping[str, tuple[BodyKind, str]] = {
+    "mass": ("mass", "kg"),
+    "inertia": ("rotor", "kg m^2"),
+    "position": ("prescribed", "m, or rad"),
+    "velocity": ("prescribed", "m/s, or rad/s"),
+    "fixed": ("fixed", "m, or rad"),
+}
+"""Key that defines a body -> kind of the body, unit of the key's value."""
+STATE_NAMES: Mapping[BodyKind, tuple[str, str]] = {"mass": ("x", "v"), "rotor": ("phi", "omega")}
+"""Prefixes of state names: position [m] and velocity [m/s], angle [rad] and angular velocity [rad/s]."""
 
 CONNECTIONS = ("scene", "connections")
 _KINK = "a kink"
@@ -33,7 +48,7 @@ def build_scene(source: Source) -> tuple[Scene, Names]:
 def conditions(source: Source) -> list[sp.Expr]:
     """Return expressions in the parameters of a scene; parameter values that make all of them positive are allowed."""
     reader, _ = _read(source)
-    return [*reader.quantities.wanted, *reader.kinks.conditions]
+    return [*reader.wanted, *reader.kinks.conditions]
 
 
 def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
@@ -50,16 +65,21 @@ def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
 
 
 class _Reader:
+    """Reader of a scene; collects the conditions on its parameters."""
+
     def __init__(self, source: Source) -> None:
         self.source = source
-        self.quantities = Quantities(source)
-        self.values = self.quantities.values
+        self.values = source.parameters(("scene", "parameters"))
+        """Parameter -> exact value."""
+        self.symbols = {name: sp.Symbol(name, real=True) for name in self.values}
+        self.wanted: list[sp.Expr] = []
+        """Expressions in the parameters; the scene is valid for other parameter values if all are larger than 0."""
         self.bodies: dict[str, Body] = {}
         self.states: dict[str, sp.Symbol] = {}
-        self.kinks = Kinks({self.quantities.symbols[name]: value for name, value in self.values.items()})
+        self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
 
     def scene(self) -> tuple[Scene, Names]:
-        self.bodies = read_bodies(self.quantities)
+        self.bodies = self._read_bodies()
         self.states = {x.name: x for body in self.bodies.values() for x in body.states}
         if not self.states:
             message = "no body moves freely: give one a 'mass' or an 'inertia'"
@@ -72,18 +92,10 @@ class _Reader:
         for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
             link = self._link(number)
             self._claim(link, owners)
-            signs += [surface.sign.name for surface in (*link.surfaces, *link.shared)]
-            found.append(
-                Connection(
-                    link.kind,
-                    tuple(body.name for body in link.ends),
-                    link.name,
-                    tuple(link.pushes),
-                    (*link.surfaces, *link.shared),
-                    tuple(link.holds),
-                    tuple(link.impacts),
-                )
-            )
+            ends, surfaces = tuple(body.name for body in link.ends), link.surfaces | link.shared
+            kinks = self.kinks.surfaces.keys() & surfaces.keys()
+            found.append(Connection(link.kind, ends, link.name, link.pushes, surfaces, kinks, link.holds, link.impacts))
+            signs += [sign.name for sign in surfaces]
         self._check_size("connections", "surfaces", len(set(signs)))
         names = Names.of(list(self.states), list(dict.fromkeys(signs)), self.values)
         return Scene(self.bodies, tuple(found), names.exact_parameters()), names
@@ -96,7 +108,7 @@ class _Reader:
     def _claim(self, link: Link, owners: dict[str, str]) -> None:
         """Claim the names of the connection, which must be unique."""
         kinks = {sign.name for sign in self.kinks.surfaces}
-        for name in dict.fromkeys([*([link.name] if link.name else []), *(s.sign.name for s in link.surfaces)]):
+        for name in dict.fromkeys([*([link.name] if link.name else []), *(sign.name for sign in link.surfaces)]):
             if name in kinks and owners.get(name) == _KINK:
                 continue
             problem = name_problem(name)
@@ -105,6 +117,102 @@ class _Reader:
             if problem:
                 raise link.error(problem, at="name" if link.name else None)
             owners[name] = _KINK if name in kinks else "a connection"
+
+    # -- quantities and bodies --------------------------------------------------------------------------
+
+    def _want(self, expression: sp.Expr, value: sp.Expr, path: Path, message: str, *, above: bool = False) -> None:
+        """Require that an expression is 0 or larger (``above``: larger than 0); ``value`` is its present value."""
+        if exact_sign(value) < above:
+            raise self.source.error(path, message)
+        self.wanted.append(expression)
+
+    def _constant(self, path: Path, what: str, allowed: Range) -> sp.Expr:
+        """Read an expression in the parameters and check the range of its value."""
+        expression = self.source.expression(path, self.symbols)
+        value = self.source.number(path, self.values)
+        if allowed == "positive":
+            self._want(expression, value, path, f"{what} must be larger than 0", above=True)
+        elif allowed in ("nonnegative", "fraction"):
+            self._want(expression, value, path, f"{what} must be 0 or larger")
+        if allowed == "fraction":
+            self._want(1 - expression, 1 - value, path, f"{what} must be at most 1")
+        return expression
+
+    def _moving(self, read: Callable[..., T], path: Path, states: Mapping[str, sp.Expr] = MappingProxyType({})) -> T:
+        """Read an expression in time, parameters and states; check it with the parameters' values, too."""
+        found = read(path, {**self.symbols, "t": TIME, **states})
+        read(path, {**self.values, "t": TIME, **states}, WITH_VALUES)
+        return found
+
+    def _read_bodies(self) -> dict[str, Body]:
+        source, bodies = self.source, dict[str, Body]()
+        owners: dict[str, str] = dict.fromkeys(self.values, "a parameter")
+        for name in source.keys(("scene", "bodies")):
+            path = ("scene", "bodies", name)
+            if not NAME.fullmatch(name):
+                message = f"'{name}' cannot name a body: a name is a letter, then letters, digits and underscores"
+                raise source.error(path, message, key=True)
+            body = self._body_of(path)
+            for i, state in enumerate(body.states):
+                problem = name_problem(state.name, state=True)
+                if not problem and state.name in owners:
+                    problem = f"'{state.name}' is already {owners[state.name]}; give other names by 'states'"
+                if problem:
+                    raise source.error((*path, "states", i), problem, key=True)
+                owners[state.name] = f"a state of '{name}'"
+            bodies[name] = body
+        return bodies
+
+    def _body_of(self, path: Path) -> Body:
+        """Read one body."""
+        name, source = str(path[-1]), self.source
+        node = child(source.tree, path)
+        if isinstance(node, ScalarNode) and node.value == "fixed":
+            return Body(name, "fixed", sp.Integer(0), sp.Integer(0))
+        known = ", ".join(f"'{key}' [{unit}]" for key, (_, unit) in KEYS.items())
+        allowed = f"a body is 'fixed' or has one of the keys {known}"
+        if not isinstance(node, MappingNode):
+            raise source.error(path, f"'{name}': {allowed}")
+        for key in node.entries:
+            if key not in KEYS and key != "states":
+                meant = did_you_mean(key, [*KEYS, "states"])
+                raise source.error((*path, key), f"unknown key '{key}' of a body{meant}; {allowed}", key=True)
+        given = [key for key in node.entries if key in KEYS]
+        if not given:
+            raise source.error(path, f"'{name}' has no key that defines the body: {allowed}", key=True)
+        if len(given) > 1:
+            message = f"'{name}' has '{given[0]}' and '{given[1]}'; {allowed}, not two of them"
+            raise source.error((*path, given[1]), message, key=True)
+        (key,) = given
+        kind = KEYS[key][0]
+        if kind not in STATE_NAMES:
+            if "states" in node.entries:
+                raise source.error((*path, "states"), f"'{name}' has no states: its motion is given", key=True)
+            return self._moved(path, key)
+        inertia = self._constant((*path, key), f"'{key}' [{KEYS[key][1]}] of '{name}'", "positive")
+        position, velocity = (sp.Symbol(x, real=True) for x in self._state_names(path, kind))
+        return Body(name, kind, position, velocity, inertia)
+
+    def _moved(self, path: Path, key: str) -> Body:
+        """Read a body whose motion is prescribed."""
+        name, kind, source = str(path[-1]), KEYS[key][0], self.source
+        if kind == "fixed":
+            source.number((*path, key), self.values)
+            return Body(name, kind, source.expression((*path, key), self.symbols), sp.Integer(0))
+        given = self._moving(source.expression, (*path, key))
+        return Body(name, kind, None, given) if key == "velocity" else Body(name, kind, given, sp.diff(given, TIME))
+
+    def _state_names(self, path: Path, kind: BodyKind) -> tuple[str, str]:
+        """Return the state names that a body gives, or the default ones made of its own name."""
+        node = child(self.source.tree, (*path, "states"))
+        if node is None:
+            position, velocity = STATE_NAMES[kind]
+            return f"{position}_{path[-1]}", f"{velocity}_{path[-1]}"
+        names = [x.text for x in node.items if isinstance(x, ScalarNode)] if isinstance(node, SequenceNode) else []
+        if len(names) != 2 or not isinstance(node, SequenceNode) or len(node.items) != 2:
+            which = "angle and angular velocity" if kind == "rotor" else "position and velocity"
+            raise self.source.error((*path, "states"), f"'states' must be two names, as in [x1, x2]: {which}")
+        return names[0], names[1]
 
     # -- one connection ---------------------------------------------------------------------------------
 
@@ -204,9 +312,9 @@ class _Reader:
         if key.of != "states":
             self._check_states(path, key)
         if key.of == "parameters":
-            link.values[key.name] = self.quantities.constant(path, what, key.range)
+            link.values[key.name] = self._constant(path, what, key.range)
             return
-        written = self.quantities.moving(self.source.field, path, self.states if key.of == "states" else {})
+        written = self._moving(self.source.field, path, self.states if key.of == "states" else {})
         if key.of == "time":  # kinks and jumps become surfaces
             link.values[key.name] = link.kinked(resolved(self.source, path, self.kinks, written))
         else:
@@ -230,7 +338,7 @@ class _Reader:
             path = (*link.path, "static")
             value = self.source.number(path, self.values) - self.source.number((*link.path, "force"), self.values)
             message = "'static' must not be smaller than 'force': static friction is at least sliding friction"
-            self.quantities.want(link.values["static"] - link.values["force"], value, path, message)
+            self._want(link.values["static"] - link.values["force"], value, path, message)
 
 
 def _choice(words: Sequence[str]) -> str:

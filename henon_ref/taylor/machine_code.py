@@ -5,9 +5,9 @@ The code generators (:mod:`henon_ref.taylor.llvm`) are imported only if somethin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
 
 from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.taylor.tape import Tape
@@ -18,55 +18,46 @@ SOURCES = ("taylor/*.py", "taylor/llvm/*.py", "jit/*.py", "kernel/kernel.h")
 """Source files that the code depends on, in addition to the tapes."""
 
 
-class Part(NamedTuple):
-    """One function of a native module."""
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One function of a native module; parts with equal keys are equal."""
 
     kind: str
     """Key of :func:`_writers`."""
     arguments: tuple[Any, ...]
 
-    @property
+    @cached_property
     def key(self) -> str:
-        """Cache key: everything that the code depends on; of a tape's constants their number, not their values."""
+        """Everything that the code depends on; of a tape's constants their number, not their values."""
         known = ((a.nodes, len(a.constants), a.field, a.outputs) if isinstance(a, Tape) else a for a in self.arguments)
         return repr((self.kind, *known))
 
-
-def machine_code(parts: Sequence[Part], *, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
-    """Return the native module of some functions; equal parts give the same module.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-    optimised, simplified
-        See :class:`henon_ref.jit.native_module.NativeModule`.
-    """
-    return _machine_code(_Recipe("\n".join(part.key for part in parts), tuple(parts)), optimised, simplified)
-
-
-class _Recipe:
-    """Parts as a hashable cache key."""
-
-    def __init__(self, key: str, parts: tuple[Part, ...]) -> None:
-        self.key, self.parts = key, parts
-
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Recipe) and self.key == other.key
+        return isinstance(other, Part) and self.key == other.key
 
     def __hash__(self) -> int:
         return hash(self.key)
 
-    def written(self) -> str:
+
+@lru_cache(maxsize=KEPT)
+def machine_code(*parts: Part, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
+    """Return the native module of some functions; equal parts give the same module.
+
+    Parameters
+    ----------
+    *parts : Part
+    optimised, simplified
+        See :class:`henon_ref.jit.native_module.NativeModule`.
+    """
+
+    def written() -> str:
         from henon_ref.jit.ir_writer import declarations
 
         writers = _writers()
-        return declarations() + "".join(writers[part.kind](*part.arguments) for part in self.parts)
+        return declarations() + "".join(writers[part.kind](*part.arguments) for part in parts)
 
-
-@lru_cache(maxsize=KEPT)
-def _machine_code(recipe: _Recipe, optimised: bool, simplified: bool | None) -> NativeModule:
-    key = f"{source_hash(*SOURCES)}\n{recipe.key}"
-    return NativeModule(recipe.written, optimised=optimised, simplified=simplified, key=key)
+    key = "\n".join([source_hash(*SOURCES), *(part.key for part in parts)])
+    return NativeModule(written, optimised=optimised, simplified=simplified, key=key)
 
 
 def _writers() -> dict[str, Any]:

@@ -12,7 +12,7 @@ import sympy as sp
 from problems import make_problem
 from scipy.spatial import KDTree
 
-from henon_ref.analysis.lyapunov import Spectrum, floquet_exponents, floquet_multipliers, lyapunov_spectrum
+from henon_ref.analysis.lyapunov import Spectrum, floquet_multipliers, lyapunov_spectrum
 from henon_ref.analysis.variational import Saltation
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
@@ -49,7 +49,7 @@ def test_standard_errors_are_those_of_the_means_of_ten_parts() -> None:
 def test_non_stop_forced_coulomb_turns_stretch_as_the_closed_form_says() -> None:
     problem = load_case(CASES / "classic" / "nonstop_coulomb.yaml").readings[0].problem
     multipliers = floquet_multipliers(problem, since=0.3, period=2 * math.pi)
-    assert floquet_exponents(multipliers, 2 * math.pi) == pytest.approx([COULOMB, COULOMB], abs=1e-9)
+    assert np.log(np.abs(multipliers)) / (2 * math.pi) == pytest.approx([COULOMB, COULOMB], abs=1e-9)
 
 
 def test_without_saltation_the_forced_coulomb_oscillator_would_seem_neutral(monkeypatch: pytest.MonkeyPatch) -> None:

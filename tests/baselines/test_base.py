@@ -11,11 +11,10 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.baselines.adapter import Adapter, ModeSolver
-from henon_ref.baselines.library import Stop
+from henon_ref.baselines.library import Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import STOPPED
 from henon_ref.baselines.smooth_mode import SmoothMode
-from henon_ref.baselines.work import Work
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -30,7 +29,7 @@ class _Flow(SmoothMode):
         begin, rates = x, np.array(self.model.field(t, *x.tolist()))
         self.work.steps += 1
         roots = {}
-        for k, guard in enumerate([*self.gates.watchers(self.work.count_event), self.last.value]):
+        for k, guard in enumerate([*self.watchers, self.divergence]):
             first, last = guard(t, begin), guard(until, begin + (until - t) * rates)
             if last < 0.0 < first:
                 roots[k] = t + (until - t) * first / (first - last)
@@ -69,7 +68,7 @@ def test_tolerances_below_the_librarys_limit_are_raised_to_it() -> None:
 def test_a_state_that_is_not_finite_is_a_failure_where_it_was_last_finite() -> None:
     grows = FilippovSystem((X,), (S,), (X - 3,), (sp.Integer(1),))
     flow = _Flow(Lines("lines").library(1e-9, 1e-9), ModeFunctions(grows, (-1,)), Work(None), 1.0)
-    flow.last.start(0.5, (1.0,))
+    flow.last = 0.5, (1.0,)
     stop = flow.stopped(1.0, (np.inf,), None)
     assert (stop.status, stop.t, stop.x) == ("failed", 0.5, (1.0,))
 

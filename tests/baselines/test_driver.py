@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,11 @@ import systems
 from numpy.typing import NDArray
 
 from henon_ref.baselines.driver import Driver
-from henon_ref.baselines.library import Stop
+from henon_ref.baselines.library import Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.scipy_ivp import DOP853
 from henon_ref.baselines.surface_functions import landing
-from henon_ref.baselines.work import Work
 from henon_ref.casefile.case import load_case
 from henon_ref.modes.callables import _lambdified
 from henon_ref.modes.problem import Problem
@@ -35,7 +35,7 @@ class Flat:
     ``first_only`` names one of several simultaneous roots, ``blind`` none at all.
     """
 
-    landing = "exact"
+    solver = SimpleNamespace(landing="exact")
     accuracy = (EPSILON, EPSILON)
     errors = (EPSILON, 0.0)
 

@@ -9,9 +9,9 @@ import sympy as sp
 import systems
 
 from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.library import Work
 from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.scipy_ivp import DOP853, RK45
-from henon_ref.baselines.work import Work
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.baselines.numba_callbacks import compiled, jacobian
+from henon_ref.baselines.mode_functions import compiled, jacobian
 from henon_ref.modes.callables import scalar
 from henon_ref.taylor.tape import TIME
 

@@ -10,6 +10,7 @@ import sympy as sp
 import systems
 from flint import arb, ctx
 
+from henon_ref.enclosure import run as enclosed
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import CertifiedRun, certify
 from henon_ref.modes.problem import Problem
@@ -66,9 +67,10 @@ def test_twisting_crosses_two_surfaces_in_turn() -> None:
     check_times(run, [turn, back, back + again, back * (1 + ratio)])
 
 
-def test_relay_feedback_first_release() -> None:
+def test_relay_feedback_first_release(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first release is a Lambert W expression; the digits are those of FACTS."""
-    run = certify(systems.relay_feedback("5.4"), max_transitions=4)
+    monkeypatch.setattr(enclosed, "MAX_TRANSITIONS", 4)
+    run = certify(systems.relay_feedback("5.4"))
     assert run.ended == "budget"
     assert float(run.transitions[0].time) == pytest.approx(2.812403376023301, abs=1e-15)
     assert [t.kind for t in run.transitions] == ["release", "stick", "release", "stick"]
@@ -111,7 +113,7 @@ def test_radius_does_not_wrap() -> None:
     """An undamped oscillator for 200 time units: the set turns, its size grows no faster than the rounding adds up."""
     x, v, s = systems.X, systems.V, systems.S
     system = systems.FilippovSystem((x, v), (s,), (x - 2,), (v, -x + 0 * s))
-    run = certify(Problem(system, sp.Integer(0), (sp.Integer(1), sp.Integer(0)), sp.Integer(200)), bits=140)
+    run = certify(Problem(system, sp.Integer(0), (sp.Integer(1), sp.Integer(0)), sp.Integer(200)))
     assert run.status == "certified"
     with ctx.workprec(300):
         assert run.state[0].contains(enclose(sp.cos(200)))
@@ -172,11 +174,12 @@ def test_the_model_ends_with_proof(problem: Callable[..., Problem]) -> None:
     assert run.time.contains(arb(2) / 3) or abs(run.time - arb(2) / 3) < 1e-15
 
 
-def test_deadline_and_budget_return_what_is_proven() -> None:
+def test_deadline_and_budget_return_what_is_proven(monkeypatch: pytest.MonkeyPatch) -> None:
     late = certify(systems.fig8("equations", "70"), deadline=0.0)
     assert (late.status, late.ended) == ("not provable", "budget")
     assert "deadline" in late.reason
-    few = certify(systems.free_coulomb(), max_transitions=2)
+    monkeypatch.setattr(enclosed, "MAX_TRANSITIONS", 2)
+    few = certify(systems.free_coulomb())
     assert len(few.transitions) == 2
 
 

@@ -12,14 +12,12 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import Reading, load_case
-from henon_ref.figures.description import description_of
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
-from henon_ref.figures.style import image
+from henon_ref.figures.style import description_of, image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.jobs import sample_times, statement_of
-from henon_ref.harness.figures.cost import draw_cost
-from henon_ref.harness.figures.errors import draw_errors, running_maximum
+from henon_ref.harness.figures import draw_cost, draw_errors, running_maximum
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
 from henon_ref.taylor.tape import TIME

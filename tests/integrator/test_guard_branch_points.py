@@ -10,7 +10,7 @@ from often import daily
 from problems import make_problem
 from runs import run, times
 
-from henon_ref.integrator.guard_branch_point import TRIES
+from henon_ref.integrator.endings import TRIES
 from henon_ref.integrator.precise_modes import PreciseModes
 
 BELT = 2 * math.asin(1 / (3 * math.sqrt(2)))

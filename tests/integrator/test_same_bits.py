@@ -18,7 +18,7 @@ from llvmlite.binding import get_host_cpu_features
 from shipped import paths
 
 from henon_ref.jit.ir_writer import declarations
-from henon_ref.jit.target import target
+from henon_ref.jit.native_module import target
 from henon_ref.roots.bernstein import bernstein_ir
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir

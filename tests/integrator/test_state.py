@@ -7,7 +7,7 @@ import pytest
 from problems import make_problem
 
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON, RUN, TRANSITION, step_dtype, transition_dtype
+from henon_ref.integrator.records import HENON, TRANSITION, step_dtype, transition_dtype
 from henon_ref.integrator.run import Run
 from henon_ref.kernel.shared import ffi, kernel, record_dtype
 
@@ -37,8 +37,9 @@ def test_numpy_sees_a_record_as_c_does(name: str) -> None:
 
 
 def test_counts_and_places_are_integers_and_times_doubles() -> None:
-    assert (RUN["steps"], RUN["mode"], RUN["dense"]) == (np.int64, np.int64, np.int64)
-    assert (RUN["time"], RUN["tolerance"], TRANSITION["time_low"]) == (np.float64,) * 3
+    run = record_dtype("run")
+    assert (run["steps"], run["mode"], run["dense"]) == (np.int64, np.int64, np.int64)
+    assert (run["time"], run["tolerance"], TRANSITION["time_low"]) == (np.float64,) * 3
 
 
 def test_what_stands_behind_a_record_begins_where_c_has_it() -> None:

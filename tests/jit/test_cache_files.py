@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from henon_ref.jit.cache_files import read, write
+from henon_ref.jit.cache_folder import read, write
 
 unix = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="modes and owners as on Unix")
 CONTENT = bytes(range(256))

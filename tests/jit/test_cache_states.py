@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.jit.cache_files import read
+from henon_ref.jit.cache_folder import read
 
 pytestmark = pytest.mark.slow
 """Each compiles all that there is. Daily: test_native_module.py and test_cache_folder.py, with one module."""

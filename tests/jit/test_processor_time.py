@@ -6,7 +6,7 @@ import pytest
 from fakes import case, found, trajectory
 
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.baselines.work import DeadlinePassed, Work
+from henon_ref.baselines.library import DeadlinePassed, Work
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.campaign.jobs import KEPT, run_once
 from henon_ref.integrator.mode_table import ModeTable
@@ -33,7 +33,7 @@ class Clocks:
 @pytest.fixture
 def clocks(monkeypatch) -> Clocks:
     made = Clocks()
-    for module in (processor_time, __import__("henon_ref.baselines.work", fromlist=["work"])):
+    for module in (processor_time, __import__("henon_ref.baselines.library", fromlist=["library"])):
         monkeypatch.setattr(module, "perf_counter", lambda: made.wall)
     monkeypatch.setattr(processor_time, "thread_time", lambda: made.processor)
     return made

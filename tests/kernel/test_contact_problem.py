@@ -14,7 +14,7 @@ def compiled(problem: ContactProblem) -> tuple[bool, tuple[int, ...]]:
     """Whether it is clear, and the entries."""
     count = len(problem.free)
     entries = ffi.new("int64_t[]", max(count, 1))
-    parts = [np.array(part, dtype=float) for part in problem]
+    parts = [np.array(part, dtype=float) for part in problem[:4]]
     clear = kernel.test_clearly_solved(count, *(doubles(part) for part in parts), entries)
     return bool(clear), tuple(entries[k] for k in range(count))
 

@@ -59,8 +59,8 @@ def test_a_point_of_a_sweep_ends_failed(mode: dict[str, int] | None, points: str
 
 def test_a_sweep_file_has_it_too(tmp_path: Path) -> None:
     hr.sweep(oscillator(), {"x": 1, "v": 0}, until=1e6, max_steps=7, grid={"w": [1, 2]}, jobs=1, out=tmp_path / "out")
-    read = load_sweep(tmp_path / "out" / "sweep.yaml")
-    assert read.plan.work.max_steps == 7
+    plan = load_sweep(tmp_path / "out" / "sweep.yaml")
+    assert plan.work.max_steps == 7
     text = (tmp_path / "out" / "sweep.yaml").read_text().replace("max_steps: 7", "max_steps: 0")
     (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(HenonRefError, match="max_steps"):
@@ -82,5 +82,5 @@ def test_without_one_it_is_a_hundred_million() -> None:
     assert np.isfinite(run.y).all()
     from henon_ref.simulation.launch import launch
 
-    made = launch(oscillator(), {"x": 1, "v": 0}, 1, 0, 1e-10, None, None, None, 10**8)
-    assert made.start.scalars.most_steps == 10**8
+    _, begin = launch(oscillator(), {"x": 1, "v": 0}, 1, 0, 1e-10, None, None, None, 10**8)
+    assert begin.scalars.most_steps == 10**8

@@ -96,7 +96,7 @@ points: {grid: {e: [0.2, 0.5]}}
 observe: [{final_state: {}}]
 """
     (tmp_path / "sweep.yaml").write_text(text)
-    assert len(load_sweep(tmp_path / "sweep.yaml").plan.points) == 2
+    assert len(load_sweep(tmp_path / "sweep.yaml").points) == 2
 
 
 def test_a_cascade_stands_in_the_solution_map_by_map_and_in_sweeps_with_the_same_bits() -> None:

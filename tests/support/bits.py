@@ -6,8 +6,8 @@
 
 ``own`` is the tightest tolerance that a reading itself names; ``--first`` takes the first reading of each case alone.
 With ``HENON_REF_CPU=haswell`` in front, the record is that of machine code for another processor
-(:mod:`henon_ref.jit.target`). ``compare`` ends with status 1 unless all runs have equal bits, and names those that have
-not, the worst class first.
+(:func:`henon_ref.jit.native_module.target`). ``compare`` ends with status 1 unless all runs have equal bits, and names
+those that have not, the worst class first.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from henon_ref.casefile.case import Reading, load_case
 from henon_ref.casefile.files import yaml_files
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import fixed_step, solver
-from henon_ref.jit.target import target
+from henon_ref.jit.native_module import target
 from henon_ref.trajectory import Trajectory, Transition
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -187,7 +187,7 @@ def main() -> int:
         only = [name for name in given.only.split(",") if name]
         runs = record(given.tolerances.split(","), only, given.solver, first=given.first, deadline=given.deadline)
         given.record.write_text(json.dumps({"target": list(target()), "runs": runs}, indent=1))
-        print(f"{len(runs)} runs for {target().processor}: {given.record}")
+        print(f"{len(runs)} runs for {target()[0]}: {given.record}")
         return 0
     one, other = (json.loads(path.read_text())["runs"] for path in given.records)
     found = compare(one, other)

@@ -25,6 +25,8 @@ from henon_ref.trajectory import Samples
 SIZES = ((400, 800), (1400, 900))
 """Widths and heights of the windows in which a page is looked at [px]."""
 SCHEMES = ("light", "dark")
+MOST_BYTES = 4 * 2**20
+"""Largest size of a page with all runs of every solver and peer on the whole suite [bytes]."""
 TAGS = 'tags: [{}]\nstory: "A made-up story, 1 < 2."\n'
 RUNS = {
     "first": {

@@ -15,8 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from henon_ref.casefile.case import parse_case
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.system import FilippovSystem

@@ -285,7 +285,7 @@ def test_whole_chunks_are_not_run_again_and_nothing_is_said(tmp_path: Path, capl
 def test_whatever_becomes_of_a_file_it_is_read_as_it_was_or_run_again(tmp_path: Path) -> None:
     """Bytes changed at random: no traceback, and no other number."""
     table = swept(tmp_path)
-    plan = load_sweep(tmp_path / "sweep.yaml").plan
+    plan = load_sweep(tmp_path / "sweep.yaml")
     generator = np.random.default_rng(1)
     for name in ("points/000001.parquet", "section/000000.parquet"):
         before = (tmp_path / name).read_bytes()

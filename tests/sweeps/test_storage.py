@@ -104,7 +104,7 @@ def test_a_full_disk_is_one_error_and_the_rest_can_be_resumed(tmp_path: Path, mo
 def test_a_chunk_counts_once_its_points_are_there(tmp_path: Path) -> None:
     """They are written last: a table of its own that was written before is written again."""
     swept(tmp_path / "out")
-    place = SweepFolder(tmp_path / "out", load_sweep(tmp_path / "out" / "sweep.yaml").plan)
+    place = SweepFolder(tmp_path / "out", load_sweep(tmp_path / "out" / "sweep.yaml"))
     assert [number for number, _ in place.finished()] == [0, 1, 2, 3]
     (tmp_path / "out" / "points" / "000002.parquet").unlink()
     assert (tmp_path / "out" / "section" / "000002.parquet").exists()
@@ -113,7 +113,7 @@ def test_a_chunk_counts_once_its_points_are_there(tmp_path: Path) -> None:
 
 def test_what_stands_beside_the_results_runs_the_sweep_again(tmp_path: Path) -> None:
     table = swept(tmp_path / "out")
-    again = collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan)
+    again = collected(load_sweep(tmp_path / "out" / "sweep.yaml"))
     assert_same(again, table)
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["rerun"] == "henon-ref sweep sweep.yaml --out again"
@@ -133,4 +133,4 @@ def test_a_table_of_points_stands_beside_them(tmp_path: Path, grid: Any) -> None
     arguments = {"until": 1, "observe": [observe.final_state()], "jobs": 1}
     table = sweep(belt(), {"x": 1.5, "v": 0}, grid=grid, out=tmp_path / "out", **arguments)
     assert (tmp_path / "out" / "points.csv").exists()
-    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml").plan), table)
+    assert_same(collected(load_sweep(tmp_path / "out" / "sweep.yaml")), table)

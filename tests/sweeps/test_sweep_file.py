@@ -21,10 +21,10 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
-    read = load_sweep(written(tmp_path, SWEEP))
-    assert (read.name, read.source) == ("belts", "my notebook")
-    assert read.plan.chunk == 4
-    assert [len(chunk) for chunk in read.plan.chunks] == [4, 4, 4, 3]
+    plan = load_sweep(written(tmp_path, SWEEP))
+    assert (plan.name, plan.source) == ("belts", "my notebook")
+    assert plan.chunk == 4
+    assert [len(chunk) for chunk in plan.chunks] == [4, 4, 4, 3]
     table = sweep(
         belt(),
         {"x": 1.5, "v": 0},
@@ -34,7 +34,7 @@ def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
         rtol=1e-9,
         jobs=1,
     )
-    assert_same(collected(read.plan), table)
+    assert_same(collected(plan), table)
 
 
 POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]
@@ -52,7 +52,7 @@ POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]
 )
 def test_points_may_be_drawn_continued_or_read(tmp_path: Path, points: str, count: int) -> None:
     (tmp_path / "some.csv").write_text("vb,x\n0.1,0\n0.2,1\n")
-    plan = load_sweep(written(tmp_path, SWEEP.replace(POINTS, points))).plan
+    plan = load_sweep(written(tmp_path, SWEEP.replace(POINTS, points)))
     assert len(plan.points) == count
     assert len(collected(plan)) == count
 
@@ -64,8 +64,8 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
     text = SWEEP[: SWEEP.index("system:")] + scene + SWEEP[SWEEP.index("initial:") :]
     for old, new in (("x: 1.5, v: 0", "x1: 1.5, x2: 0"), ("vb:", "vp:"), (" x:", " x1:"), ("of: x", "of: x1")):
         text = text.replace(old, new)
-    table = collected(load_sweep(written(tmp_path, text)).plan)
-    written_out = collected(load_sweep(written(tmp_path, SWEEP)).plan)
+    table = collected(load_sweep(written(tmp_path, text)))
+    written_out = collected(load_sweep(written(tmp_path, SWEEP)))
     assert table["final_x1"].to_numpy() == pytest.approx(written_out["final_x"].to_numpy(), abs=1e-6)
 
 
@@ -124,7 +124,7 @@ def test_the_file_that_the_page_shows_is_read(tmp_path: Path) -> None:
     (shown,) = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     path = tmp_path / "belts.yaml"
     path.write_text(shown)
-    plan = load_sweep(path).plan
+    plan = load_sweep(path)
     assert (len(plan.points), plan.chunk) == (40_000, 1000)
 
 

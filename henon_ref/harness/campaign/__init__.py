@@ -2,5 +2,5 @@
 
 WORKERS_NEED = ("henon_ref.baselines.henon", "henon_ref.harness.campaign.jobs")
 """Modules that every worker of a comparison imports before its first job."""
-DRAWING_NEEDS = ("henon_ref.harness.report.figure_jobs", "matplotlib.mathtext")
+DRAWING_NEEDS = ("henon_ref.harness.report.svg", "matplotlib.mathtext")
 """Modules that a worker imports if it draws figures."""

@@ -16,8 +16,8 @@ from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.result_files import AnyRow
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.gate import Gate, bounds_of, gate
+from henon_ref.harness.score.ranking import standings, standings_table, tightest
 from henon_ref.harness.score.reference import Expected
-from henon_ref.harness.score.standing import RIGHT, standings, standings_table, tightest
 from henon_ref.harness.table import Table
 from henon_ref.text import html, message
 from henon_ref.trajectory import Samples
@@ -97,7 +97,7 @@ class Comparison:
         return tuple(dict.fromkeys(names))
 
     def __repr__(self) -> str:
-        right = sum(run.verdict == RIGHT for run in self.run_rows)
+        right = sum(run.verdict == "right" for run in self.run_rows)
         runs = f"{len(self.records)} runs, {right} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
@@ -107,7 +107,7 @@ class Comparison:
         """Table with one row per solver, the best first; ``longest`` limits the characters of a note."""
         notes: dict[str, str] = {}
         for line in standings(self.run_rows):
-            wrong = [row for row in tightest(self.run_rows) if row.solver == line.solver and row.verdict != RIGHT]
+            wrong = [row for row in tightest(self.run_rows) if row.solver == line.solver and row.verdict != "right"]
             more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
             reason = f": {wrong[0].status_reason}" if wrong and wrong[0].status_reason else ""
             note = f"{wrong[0].status}{reason}{more}" if wrong else ""
@@ -140,7 +140,7 @@ class Comparison:
         """
         from matplotlib import pyplot as plt
 
-        from henon_ref.harness.figures.cost import draw_cost
+        from henon_ref.harness.figures import draw_cost
 
         name = self.readings[0].reading.name if reading is None else self.case.reading(reading).name
         (result,) = (result for result in self.readings if result.reading.name == name)

@@ -53,7 +53,7 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
     def __exit__(self, *exception: object) -> None:
         words = "" if self._name is None else f"{self._counted()}, {time.monotonic() - self._began:.1f} s"
         if self.seen:
-            self._line.end(words)
+            self._line.clear(words)
         elif words:
             self._print(words)
 

@@ -24,15 +24,15 @@ from henon_ref.harness.campaign.journal import FILE, read
 from henon_ref.harness.campaign.options import Options, check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.figure_jobs import KINDS, figure_job, file_name
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.report.rendering import environment
+from henon_ref.harness.report.svg import KINDS, figure_job, file_name
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
-from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.rows import UNJUDGED, RunRow
-from henon_ref.harness.score.gate import Demand, Gate, demand
-from henon_ref.harness.score.standing import standings, standings_table, tightest
+from henon_ref.harness.score.gate import bounds_of, demand, gate
+from henon_ref.harness.score.ranking import standings, standings_table, tightest
 from henon_ref.harness.table import count
 from henon_ref.text import listed, message
 
@@ -86,20 +86,15 @@ def _compared(
     """Run the campaign and write its reports; the caller has locked the folders of the cases."""
     written: list[Path] = []
     failures: list[str] = []
-    rows: list[RunRow] = []
-    gate, demands = Gate(), dict.fromkeys(options.required, Demand())
+    every: list[RunRow] = []
     environment()
     origin = provenance(rerun)
 
     def deliver(comparison: Comparison) -> None:
-        nonlocal gate
         own, name = comparison.run_rows, comparison.case.name
         written.append(write_report(comparison, origin, out))
-        rows.extend(tightest(own))
-        gate += comparison.gate
+        every.extend(own)
         failures.extend(f"{name}: {words}" for words in comparison.gate_failures())
-        for solver in demands:
-            demands[solver] += demand(solver, own)
         if not (as_json or shown.seen):
             print(case_line(name, own, written[-1]), flush=True)
 
@@ -109,17 +104,19 @@ def _compared(
     with locked([out], wait=True):
         index = write_folder_report(out)
     discard(out, cases)
-    where = written[0] if len(written) == 1 else index
-    state = gate_state(gate, bool(failures), wanted=gated)
+    where, rows = written[0] if len(written) == 1 else index, tightest(every)
+    found = gate([bounds for case in cases for bounds in bounds_of(case)], every)
+    demands = {solver: demand(solver, every) for solver in options.required}
+    state = gate_state(found, bool(failures), wanted=gated)
     if as_json:
         print(document(rows, where, gate=state.removeprefix("; ") or None))
     else:
         print_end(rows, readings=sum(len(case.readings) for case in cases))
         print(message(f"{where}{state}{demands_state(demands)}"))
-    if gated and gate.missing:
-        failures.append(why_unchecked(gate))
-    if gated and gate.left_out:
-        say(f"gate: {bounds_left_out(gate)}")
+    if gated and found.missing:
+        failures.append(why_unchecked(found))
+    if gated and found.left_out:
+        say(f"gate: {bounds_left_out(found)}")
     required = [words for solver, own in demands.items() for words in own.unmet(solver)]
     for words in [*(f"gate: {words}" for words in failures), *(f"required: {words}" for words in required)]:
         say(words)

@@ -34,8 +34,16 @@ from henon_ref.harness.report.text.gate import (
 )
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
 from henon_ref.harness.rows import Key, RunRow
-from henon_ref.harness.score.gate import Gate, demand, gate, held_against
-from henon_ref.harness.score.row_result import KnownFailure, RowResult, check_status, row_result
+from henon_ref.harness.score.gate import (
+    Gate,
+    KnownFailure,
+    RowKind,
+    check_status,
+    demand,
+    gate,
+    held_against,
+    row_result,
+)
 from henon_ref.harness.table import count
 from henon_ref.text import did_you_mean, listed, message, shortened
 
@@ -95,7 +103,7 @@ def main(
     lines = [*unmet, *held.known_lines()]
     for line in lines:
         say(line)
-    results = [(row, held.result(row)) for row in rows]
+    results = [(row, *held.result(row)) for row in rows]
     if junit is not None:
         _write_junit(junit, junit_xml(results))
     if os.environ.get(SUMMARY):
@@ -119,7 +127,7 @@ class Held:
     def is_known(self, row: RunRow) -> bool:
         return any(entry.covers(row) for entry in self.known)
 
-    def result(self, row: RunRow) -> RowResult:
+    def result(self, row: RunRow) -> tuple[RowKind, str]:
         return row_result(row, self.complaints.get(row.key, ()), known=self.is_known(row))
 
     def _complain(self, found: Iterable[tuple[RunRow, str, str]], what: str) -> list[str]:
@@ -139,18 +147,18 @@ class Held:
 
     def worse(self, earlier: Sequence[RunRow]) -> list[str]:
         """Return a sentence for every row that is worse and not an expected failure, or if no row was compared."""
-        regression = held_against(self.rows, earlier)
-        changes = ((row, regression.worse[row.key]) for row in self.rows if row.key in regression.worse)
+        changes, missing = held_against(self.rows, earlier)
+        worse = [(row, words) for row in self.rows if (words := changes.get(row.key))]
         sentences = self._complain(
-            ((row, words, f"baseline: {row.name}: {words}") for row, words in changes), "worse than the baseline"
+            ((row, words, f"baseline: {row.name}: {words}") for row, words in worse), "worse than the baseline"
         )
-        new = len(self.rows) - regression.compared
+        new = len(self.rows) - len(changes)
         added = f", {count(new, 'new row')}" if new else ""
-        say(f"baseline: {count(regression.compared, 'row')} compared, {len(sentences) or 'none'} worse{added}")
-        if regression.missing:
-            named = listed([row.name for row in regression.missing], MOST_NAMED)
-            say(f"baseline: {count(len(regression.missing), 'row')} of it did not run this time: {named}")
-        return sentences if regression.compared else ["baseline: none of its rows ran this time"]
+        say(f"baseline: {count(len(changes), 'row')} compared, {len(sentences) or 'none'} worse{added}")
+        if missing:
+            named = listed([row.name for row in missing], MOST_NAMED)
+            say(f"baseline: {count(len(missing), 'row')} of it did not run this time: {named}")
+        return sentences if changes else ["baseline: none of its rows ran this time"]
 
     def known_lines(self) -> list[str]:
         """Return one line on the present state of each expected failure."""

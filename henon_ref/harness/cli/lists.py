@@ -177,9 +177,7 @@ def unavailable(name: str) -> str:
 
     try:
         solver = registry.solver(name)
-        if isinstance(solver, LibrarySolver):
-            return solver.unavailable()
-        if isinstance(solver, ProgramSolver):
+        if isinstance(solver, LibrarySolver | ProgramSolver):
             solver.check()
     except UnavailableError as error:
         return str(error)

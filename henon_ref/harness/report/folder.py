@@ -13,9 +13,10 @@ import os
 import re
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 from weakref import WeakSet
 
@@ -42,7 +43,6 @@ INDEX, MATRIX = "README.md", "matrix.csv"
 """Index of all reports in a folder, and the table from which it is made."""
 PAGE = "index.html"
 """Interactive page of a folder of reports, or of a sweep."""
-PAGE_BEGINNING = "<!doctype html>\n<!-- henon_ref "
 _STUDY = re.compile(
     r"# (What accuracy costs in time|Atlas of grazes|What the libraries do by themselves|The paper, computed again"
     r"|Restart habits|How a library is restarted after an event"
@@ -53,7 +53,7 @@ NOT_OURS = "was not written by henon_ref, so it is not replaced; choose another 
 _BEGINNINGS = {
     INDEX: re.compile(rf"# Reports\n\n(Which solver to|\| solver \| right in |\d+ readings? of )|{_STUDY.pattern}"),
     MATRIX: re.compile("case,(title,)?reading,kind,solver,"),
-    PAGE: re.compile(PAGE_BEGINNING),
+    PAGE: re.compile("<!doctype html>\n<!-- henon_ref "),
 }
 """First characters of the index, matrix and page that this package writes."""
 
@@ -105,18 +105,25 @@ def check_writable(folder: Path) -> None:
 
 def own_files(folder: Path) -> set[str]:
     """Return the existing files that the manifest of a case's report lists; empty for any other folder."""
-    try:
-        content = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
+    content = read_json(folder / MANIFEST)
+    files = content.get("files")
+    if content.get("case") != folder.name or not isinstance(files, list):
         return set()
-    if (
-        not isinstance(content, dict)
-        or content.get("case") != folder.name
-        or not isinstance(content.get("files"), list)
-    ):
-        return set()
-    names = {name for name in content["files"] if isinstance(name, str) and Path(name).name == name}
+    names = {name for name in files if isinstance(name, str) and Path(name).name == name}
     return {name for name in names if os.path.isfile(folder / name)}
+
+
+def read_json(file: Path) -> Mapping[str, Any]:
+    """Read a JSON object from a file; empty if the file is missing or has no such object."""
+    try:
+        return mapping(json.loads(file.read_text(encoding="utf-8")))
+    except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
+        return {}
+
+
+def mapping(value: object) -> Mapping[str, Any]:
+    """Return a value from a file if it is a mapping, else an empty one."""
+    return value if isinstance(value, dict) else {}
 
 
 def is_study(folder: Path) -> bool:
@@ -132,16 +139,15 @@ def _begins(path: Path, beginning: re.Pattern[str]) -> bool:
 
 
 _LINK = re.compile(r"(?P<picture>!?)\[(?P<text>(?:[^\[\]\\]|\\.)*)\]\((?P<address>[^()\s]+)\)")
-_ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:|/|#", re.IGNORECASE)
-_CODE = re.compile(r"^```.*?^```$|^ {4}.*?$|`[^`\n]+`", re.DOTALL | re.MULTILINE)
 
 
 def linked(text: str) -> Iterator[str]:
     """Yield the addresses of relative links and pictures in markdown."""
-    code = [found.span() for found in _CODE.finditer(text)]
+    blocks = re.finditer(r"^```.*?^```$|^ {4}.*?$|`[^`\n]+`", text, re.DOTALL | re.MULTILINE)
+    code = [found.span() for found in blocks]
     for found in _LINK.finditer(text):
         inside = any(begin <= found.start() < end for begin, end in code)
-        if not inside and not _ELSEWHERE.match(found["address"]):
+        if not inside and not re.match(r"[a-z][a-z0-9+.-]*:|/|#", found["address"], re.IGNORECASE):
             yield found["address"]
 
 
@@ -169,8 +175,6 @@ POLL = 0.02
 """Time between two attempts [s]."""
 TRIES = 100
 """Largest number of attempts to open a lock file that its holder has just removed."""
-UNSUPPORTED = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)
-"""Errors of a file system without locks."""
 
 
 class FolderLock:
@@ -210,8 +214,8 @@ class FolderLock:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            if error.errno not in UNSUPPORTED:
-                raise
+            if error.errno not in (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP):
+                raise  # otherwise the file system has no locks
             words = "%s cannot be locked (%s): let no other run write into that folder"
             _LOG.warning(words, self.path, error.strerror)
 

@@ -12,13 +12,9 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.score.gate import Bounds, bounds_of
-from henon_ref.harness.score.kinds import kind_of
+from henon_ref.harness.score.reference import kind_of
 from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
-
-SCHEMA = 1
-WIDTH = 120
-"""Largest length of a line of the manifest that holds several values [characters]."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ def provenance(rerun: str) -> Provenance:
 def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[str]) -> str:
     options = comparison.options
     content = {
-        "schema": SCHEMA,
+        "schema": 1,
         "case": comparison.case.name,
         "title": comparison.case.title,
         "rerun": origin.rerun,
@@ -89,7 +85,7 @@ def json_text(value: object, indent: str = "") -> str:
     }
     """
     line = json.dumps(value)
-    if len(indent) + len(line) <= WIDTH or not isinstance(value, dict | list):
+    if len(indent) + len(line) <= 120 or not isinstance(value, dict | list):
         return line
     deeper = indent + " "
     if isinstance(value, dict):

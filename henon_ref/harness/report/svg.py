@@ -1,41 +1,68 @@
-"""Write a figure as a short SVG."""
+"""Figures of a report as short SVG, and the job of a worker that draws the figures of a reading."""
 
 from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from henon_ref.figures.motion import Motion, draw_portrait, motion_of
+from henon_ref.figures.scene import draw_scene
+from henon_ref.figures.style import image
+from henon_ref.figures.time_series import draw_modes
+from henon_ref.harness.campaign.comparison import ReadingResult
+from henon_ref.harness.campaign.rows import Record
+from henon_ref.harness.figures import draw_cost, draw_errors
+from henon_ref.workers.worker import Job, WorkerState
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+KINDS = ("scene", "portrait", "modes", "errors", "cost")
+"""Kinds of figures of a reading, which are part of their file names."""
+
+
+def figure_job(result: ReadingResult, records: list[Record]) -> Job:
+    """Return the job that draws the figures of one reading."""
+    return Job(draw_figures, (result, records), 120.0)
+
+
+def draw_figures(state: WorkerState, result: ReadingResult, records: list[Record]) -> dict[str, bytes]:
+    """Job: draw the figures of one reading; return contents by file name."""
+    reading, expected, motion = result.reading, result.expected, motion_in(result)
+    drawn: dict[str, Figure | None] = {}
+    if reading.scene is not None:
+        drawn["scene"] = draw_scene(reading.scene)
+    if motion is not None:
+        drawn |= {"portrait": draw_portrait(reading, motion), "modes": draw_modes(reading, motion)}
+    if expected is not None:
+        drawn["errors"] = draw_errors([(record.run, record.transitions) for record in records], expected)
+        drawn["cost"] = draw_cost([record.run for record in records], expected)
+    return {file_name(reading.name, kind): svg(figure) for kind, figure in drawn.items() if figure is not None}
+
+
+def motion_in(result: ReadingResult) -> Motion | None:
+    """Return the sampled motion of a reading between its exact transitions; None if it is not known."""
+    if result.samples is None or result.expected is None:
+        return None
+    return motion_of(result.samples, result.expected.transitions)
+
+
+def file_name(reading: str, kind: str) -> str:
+    return f"{reading}_{kind}.svg"
+
+
+def svg(figure: Figure) -> bytes:
+    """Format a figure as SVG; equal data give equal bytes."""
+    return shortened(image(figure))
+
 
 UNIT = 0.01
 """Resolution of coordinates [pt], about a hundredth of a pixel."""
 BEND = 0.03
 """Largest distance of a simplified curve from the original [pt], a twentieth of the width of a thin line."""
-_NOTES = re.compile(rb"(?<=\n) +(?=<)|<!--.*?-->\n|<metadata>.*?</metadata>\n", re.DOTALL)
-_GROUP = re.compile(rb'<g id="\w+_\d+"')
-_GROUP_OF_ONE = re.compile(rb"<g>\n(<(?:path|use) [^>]*/>)\n</g>")
-_GLYPH = re.compile(rb'(<path id=")(?:DejaVuSans-|d)([\w-]+" d=")([^"]*)(" transform="scale\()0.015625(?=\))')
-_BLANK = re.compile(rb'<path id="(d[\w-]+)" transform="scale\(\S+\)"/>')
-_LETTER = re.compile(rb'(<use href="#d[\w-]+" x=")([^"]+)')
-_MOVED = re.compile(rb'(<use [^>]*)transform="translate\((\S+) (\S+)\)"')
-_MARKER = re.compile(rb'<path id="(\w+)" [^>]*? style="([^"]*)"/>')
-_MARKED = re.compile(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>')
 _STYLE = re.compile(rb' style="([^"]*)"')
-_NAME = re.compile(rb' id="([mp][0-9a-f]{10})"')
-_PLACE = re.compile(rb' (?:x|y)="[^"]*"')
-_LONG = re.compile(rb"-?\d+\.\d{3,}(?![\d.e])")
-_PATH = re.compile(rb' d="([MLQCz\d\s.e-]*)"')
-_COMMAND = re.compile(rb"([MLQCz])([-\d\s.e]*)")
-
-
-def svg(figure: Figure) -> bytes:
-    """Format a figure as SVG; equal data give equal bytes."""
-    from henon_ref.figures.style import image
-
-    return shortened(image(figure))
 
 
 def shortened(content: bytes) -> bytes:
@@ -50,19 +77,23 @@ def shortened(content: bytes) -> bytes:
     >>> shortened(b'<use xlink:href="#DejaVuSans-14" transform="translate(63.625 0)"/>')
     b'<use href="#d14" x="64"/>'
     """
-    content = _GROUP.sub(b"<g", _NOTES.sub(b"", content)).replace(b"<g/>\n", b"").replace(b" xlink:href=", b" href=")
-    content = _GLYPH.sub(_coarse, content).replace(b"DejaVuSans-", b"d")
-    content = _MOVED.sub(rb'\1x="\2" y="\3"', content).replace(b' y="0"/>', b"/>")
-    content = _without_repeated_styles(content)
-    while (fewer := _GROUP_OF_ONE.sub(rb"\1", content)) != content:
+    content = re.sub(rb"(?<=\n) +(?=<)|<!--.*?-->\n|<metadata>.*?</metadata>\n", b"", content, flags=re.DOTALL)
+    content = re.sub(rb'<g id="\w+_\d+"', b"<g", content).replace(b"<g/>\n", b"").replace(b" xlink:href=", b" href=")
+    glyph = rb'(<path id=")(?:DejaVuSans-|d)([\w-]+" d=")([^"]*)(" transform="scale\()0.015625(?=\))'
+    content = re.sub(glyph, _coarse, content).replace(b"DejaVuSans-", b"d")
+    content = re.sub(rb'(<use [^>]*)transform="translate\((\S+) (\S+)\)"', rb'\1x="\2" y="\3"', content)
+    content = _without_repeated_styles(content.replace(b' y="0"/>', b"/>"))
+    group_of_one = rb"<g>\n(<(?:path|use) [^>]*/>)\n</g>"
+    while (fewer := re.sub(group_of_one, rb"\1", content)) != content:
         content = fewer
-    for k, name in enumerate(dict.fromkeys(_NAME.findall(content))):
+    for k, name in enumerate(dict.fromkeys(re.findall(rb' id="([mp][0-9a-f]{10})"', content))):
         content = content.replace(name, b"n%d" % k)
-    for blank in _BLANK.findall(content):
+    for blank in re.findall(rb'<path id="(d[\w-]+)" transform="scale\(\S+\)"/>', content):
         content = re.sub(rb'<use href="#%s"[^>]*>\n' % blank, b"", content)
-    content = _LETTER.sub(lambda own: b"%s%d" % (own[1], round(float(own[2]))), content)
-    content = _PLACE.sub(lambda found: _LONG.sub(lambda own: _number(_units(own[0])), found[0]), content)
-    return _PATH.sub(lambda found: b' d="' + _relative(found[1]) + b'"', content)
+    letter = rb'(<use href="#d[\w-]+" x=")([^"]+)'
+    content = re.sub(letter, lambda own: b"%s%d" % (own[1], round(float(own[2]))), content)
+    content = re.sub(rb' (?:x|y)="[^"]*"', _rounded, content)
+    return re.sub(rb' d="([MLQCz\d\s.e-]*)"', lambda found: b' d="' + _relative(found[1]) + b'"', content)
 
 
 def _coarse(glyph: re.Match[bytes]) -> bytes:
@@ -71,15 +102,21 @@ def _coarse(glyph: re.Match[bytes]) -> bytes:
     return glyph[1] + b"d" + glyph[2] + outline + glyph[4] + b"0.25"
 
 
+def _rounded(coordinate: re.Match[bytes]) -> bytes:
+    """Round a number with three decimals or more."""
+    return re.sub(rb"-?\d+\.\d{3,}(?![\d.e])", lambda own: _number(_units(own[0])), coordinate[0])
+
+
 def _without_repeated_styles(content: bytes) -> bytes:
     """Remove style parts that a marker already defines, and replace styles that occur several times by classes."""
-    markers = {name: style.split(b"; ") for name, style in _MARKER.findall(content)}
+    found = re.findall(rb'<path id="(\w+)" [^>]*? style="([^"]*)"/>', content)
+    markers = {name: style.split(b"; ") for name, style in found}
 
     def fewer(found: re.Match[bytes]) -> bytes:
         own = [part for part in found[3].split(b"; ") if part not in markers.get(found[2], ())]
         return found[1] + (b' style="' + b"; ".join(own) + b'"/>' if own else b"/>")
 
-    content = _MARKED.sub(fewer, content)
+    content = re.sub(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>', fewer, content)
     styles = _STYLE.findall(content)
     names = {style: b"c%d" % k for k, style in enumerate(dict.fromkeys(s for s in styles if styles.count(s) > 1))}
     rules = b"".join(b".%s{%s}" % (name, style) for style, name in names.items())
@@ -99,48 +136,38 @@ def _number(units: int) -> bytes:
     return text.replace("0.", ".", 1).encode() if text.startswith(("0.", "-0.")) else text.encode()
 
 
-@dataclass
-class _Piece:
-    """Command of a path, its numbers [UNIT], and a bound on the distance of omitted points from it [UNIT]."""
-
-    command: bytes
-    values: list[int]
-    bend: float = 0.0
-
-
 def _relative(path: bytes) -> bytes:
-    """Convert a path to relative coordinates, and omit points that make no visible difference."""
-    pieces: list[_Piece] = []
+    """Convert a path to relative coordinates, and omit points that make no visible difference.
+
+    A line with nearly the direction of the previous line extends that line; ``bend`` bounds the distance of the points
+    that have been omitted from it [UNIT].
+    """
+    pieces: list[tuple[bytes, list[int]]] = []
     here = begin = (0, 0)
-    for command, text in _COMMAND.findall(path):
+    bend = 0.0
+    for command, text in re.findall(rb"([MLQCz])([-\d\s.e]*)", path):
         values = list(map(_units, text.split()))
         if command in b"Mz":
-            pieces.append(_Piece(command, values))
-            begin = (values[0], values[1]) if values else begin
-            here = begin
-        else:
-            _add(pieces, command.lower(), [value - here[k % 2] for k, value in enumerate(values)])
-            here = values[-2], values[-1]
+            pieces.append((command, values))
+            here = begin = (values[0], values[1]) if values else begin
+            continue
+        steps = [value - here[k % 2] for k, value in enumerate(values)]
+        here = values[-2], values[-1]
+        if command == b"L" and pieces[-1][0] == b"l":
+            (a, b), (c, d) = pieces[-1][1], steps
+            bent = bend + abs(a * d - b * c) / (math.hypot(a + c, b + d) or math.inf)
+            if bent <= BEND / UNIT and a * c + b * d > 0:
+                pieces[-1], bend = (b"l", [a + c, b + d]), bent
+                continue
+        if any(steps):
+            pieces.append((command.lower(), steps))
+            bend = 0.0
     return _written(pieces)
 
 
-def _add(pieces: list[_Piece], command: bytes, steps: list[int]) -> None:
-    """Add a piece; a line with nearly the direction of the previous line extends that line."""
-    last = pieces[-1]
-    if command == last.command == b"l":
-        (a, b), (c, d) = last.values, steps
-        bend = last.bend + abs(a * d - b * c) / (math.hypot(a + c, b + d) or math.inf)
-        if bend <= BEND / UNIT and a * c + b * d > 0:
-            last.values, last.bend = [a + c, b + d], bend
-            return
-    if any(steps):
-        pieces.append(_Piece(command, steps))
-
-
-def _written(pieces: list[_Piece]) -> bytes:
+def _written(pieces: Sequence[tuple[bytes, list[int]]]) -> bytes:
     made, before = bytearray(), b""
-    for piece in pieces:
-        command, values = piece.command, piece.values
+    for command, values in pieces:
         if command == b"l" and 0 in values:
             command, values = (b"h", values[:1]) if values[1] == 0 else (b"v", values[1:])
         made += command if command != before or command in b"Mz" else b""

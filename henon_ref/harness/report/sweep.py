@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @contextmanager
 def written(folder: Path) -> Iterator[None]:
     """Lock the folder of a sweep while it is written, and finally write its page."""
-    from henon_ref.harness.report.html.sweep_page import write_sweep_page
+    from henon_ref.harness.report.sweep_page import write_sweep_page
 
     check_folder(folder)
     with locked([folder]):

@@ -15,14 +15,12 @@ from itertools import takewhile
 import numpy as np
 
 from henon_ref.harness.score.matching import Matching, match
-from henon_ref.harness.score.reference import HALF_ULP, Expected
-from henon_ref.harness.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict, undecided_verdict, verdict
+from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.score.verdict import FIXED_STEP_TOLERANCE, RIGHT, Verdict, verdict
 from henon_ref.trajectory import Event, Status, Trajectory
 
 EARLY = ("diverged", "nonunique", "invalid")
 """Statuses with which a run may correctly end before the horizon."""
-CROWD_FRACTION = 1e-6
-"""Part of the run before the end in which accumulating transitions may be left out."""
 END_FRACTION = 1e-3
 """Largest distance of a correct early end from the truth's end, as a part of the run."""
 
@@ -68,16 +66,21 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
         end_slack=slack,
         accumulating=expected.status == "failed",
     )
-    errors = {i: time_error(found[j], expected.transitions[i]) for i, j in matching.pairs + matching.touch_pairs}
+    errors = {
+        i: time_error(trajectory.transitions[j], expected.transitions[i])
+        for i, j in matching.pairs + matching.touch_pairs
+    }
     counted = np.array([errors[i] for i, _ in matching.pairs])
     worst = float(np.max(np.abs(counted))) if counted.size else None
     status, reason, right = _status(trajectory, expected, matching, reached)
-    if right:
-        judged = RIGHT if left_out is None else undecided_verdict(expected.transitions[left_out])
+    if not right:
+        judged = verdict(expected, matching, trajectory, tolerance=tolerance)
+    elif left_out is not None:
+        event = expected.transitions[left_out]
+        words = f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s"
+        judged = Verdict("not judged", words)
     else:
-        judged = verdict(
-            expected, matching, found, tolerance=tolerance, status=trajectory.status, ended=trajectory.end_time
-        )
+        judged = RIGHT
     return Score(
         matching=matching,
         status=status,
@@ -115,8 +118,7 @@ def _hidden(event: Event, since: Mapping[int, float]) -> Event:
 
 def digits(error: float, expected: Expected) -> float:
     """Correct decimal digits for an error, at most those that the truth's radius and double precision allow."""
-    floor = max(abs(error), expected.radius, HALF_ULP * expected.time_unit)
-    return -math.log10(floor / expected.time_unit)
+    return -math.log10(max(abs(error), expected.floor) / expected.time_unit)
 
 
 def _last_scored(expected: Expected) -> float:
@@ -131,8 +133,8 @@ def _last_scored(expected: Expected) -> float:
 def _end_slack(expected: Expected, tolerance: float | None) -> float:
     """Time before the end [s] in which transitions of a run at this tolerance are not counted against it."""
     fraction = FIXED_STEP_TOLERANCE if tolerance is None else tolerance
-    if expected.status == "failed":
-        fraction = max(fraction, CROWD_FRACTION)
+    if expected.status == "failed":  # transitions that accumulate at the end may be left out
+        fraction = max(fraction, 1e-6)
     return fraction * (expected.until - expected.start)
 
 

@@ -1,24 +1,22 @@
-"""The gate: a case's bounds for its solvers, solvers that are required to be right, and regressions of earlier rows."""
+"""The gate: bounds of a case, solvers that must be right, regressions of earlier rows, results for a test runner."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
 
 from henon_ref.casefile.case import Case
-from henon_ref.harness.rows import Key, RunRow
+from henon_ref.harness.rows import NOT_RUN, UNDECIDED, Key, Row, RunRow
+from henon_ref.harness.score.ranking import at_fault, tightest
 from henon_ref.harness.score.reference import HALF_ULP
+from henon_ref.text import did_you_mean, listed, shortened
+from henon_ref.trajectory import Status
 
 LOST = 0.5
 """Digits of time accuracy that a row may lose."""
-_RANKS = {
-    **dict.fromkeys(("ok", "wrong", "diverged", "nonunique", "invalid"), 1),
-    **dict.fromkeys(("timeout", "failed"), 2),
-    **dict.fromkeys(("unsupported", "unavailable"), 3),
-}
-"""Rank of rows that are not right, by status: another result, no result, not run. Right rows have rank 0."""
-_RANK_NAMES = ("right", "not right", "without a result", "not run")
+STATUSES: tuple[str, ...] = get_args(Status)
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class Bounds:
 
 
 def bounds_of(case: Case) -> list[Bounds]:
-    """Bounds of all readings; without a tolerance of their own they apply to the reading's smallest tolerance."""
+    """Return the bounds of all readings, by default for the smallest tolerance of the reading."""
     return [
         Bounds(
             case.name,
@@ -84,8 +82,8 @@ def bounds_of(case: Case) -> list[Bounds]:
 class Gate:
     """Result of checking bounds."""
 
-    total: int = 0
-    checked: int = 0
+    total: int
+    checked: int
     """Number of bounds on runs that were made."""
     left_out: tuple[tuple[str, float | None], ...] = ()
     """Solver and tolerance of the bounds that were not checked (tolerance None: the solver did not run)."""
@@ -97,28 +95,22 @@ class Gate:
         """Whether bounds exist but none was checked."""
         return self.total > 0 and not self.checked
 
-    def __add__(self, other: Gate) -> Gate:
-        return Gate(
-            self.total + other.total,
-            self.checked + other.checked,
-            tuple(dict.fromkeys(self.left_out + other.left_out)),
-            self.unmet + other.unmet,
-        )
-
 
 def gate(bounds: Iterable[Bounds], rows: Sequence[RunRow]) -> Gate:
     """Check runs against bounds; bounds on missing runs are recorded in ``left_out``."""
-    found = Gate()
+    total = checked = 0
+    left_out: dict[tuple[str, float | None], None] = {}
+    unmet: list[tuple[RunRow, str]] = []
     for own in bounds:
+        total += own.count
         ran = [row for row in rows if (*row.problem, row.solver) == (own.case, own.reading, own.solver)]
-        spoken_of = [row for row in ran if row.rtol in (None, own.rtol)]
-        if spoken_of:
-            row = min(spoken_of, key=lambda row: row.size)
-            unmet = tuple((row, f"{own.reading}: {row.label}: {words}") for words in own.unmet(row))
-            found += Gate(own.count, own.count, unmet=unmet)
+        row = min((row for row in ran if row.rtol in (None, own.rtol)), key=lambda row: row.size, default=None)
+        if row is None:
+            left_out[own.solver, own.rtol if ran else None] = None
         else:
-            found += Gate(own.count, left_out=((own.solver, own.rtol if ran else None),))
-    return found
+            checked += own.count
+            unmet += [(row, f"{own.reading}: {row.label}: {words}") for words in own.unmet(row)]
+    return Gate(total, checked, tuple(left_out), tuple(unmet))
 
 
 @dataclass(frozen=True)
@@ -134,84 +126,49 @@ class Demand:
     known: int = 0
     """Number of readings with an expected failure; they are not judged."""
 
-    def __add__(self, other: Demand) -> Demand:
-        return Demand(
-            self.right + other.right,
-            self.judged + other.judged,
-            self.failures + other.failures,
-            self.known + other.known,
-        )
-
     def unmet(self, solver: str) -> tuple[str, ...]:
         """Return the failures of a solver, or one sentence if no reading could be judged."""
         judged = self.judged or self.known
         return self.failures or (() if judged else (f"there is no reading in which {solver} can be judged",))
 
 
-def demand(solver: str, rows: Sequence[RunRow], known: Callable[[RunRow], bool] = lambda row: False) -> Demand:
+def demand(solver: str, rows: Iterable[RunRow], known: Callable[[RunRow], bool] = lambda row: False) -> Demand:
     """Check whether a solver is right in every reading, at its tightest setting.
 
     Readings that the solver does not support, and results that are ill-conditioned, not unique or not judged, do not
-    count; nor does a failure for which ``known`` is true (see
-    :class:`henon_ref.harness.score.row_result.KnownFailure`).
+    count; nor does a failure for which ``known`` is true (see :class:`KnownFailure`).
     """
-    found = Demand()
-    by_reading: dict[tuple[str, str], list[RunRow]] = {}
-    for row in rows:
-        if row.solver == solver:
-            by_reading.setdefault(row.problem, []).append(row)
-    for own in by_reading.values():
-        row = min(own, key=lambda row: row.size)
-        failure = f"{row.name}: {row.status_text}"
-        defect = row.repeated or row.verdict == "solver defect"  # repeated: right, then a crash or a missed deadline
-        if (defect or row.status == "unavailable") and known(row):
-            found += Demand(known=1)
-        elif row.status == "unavailable":
-            found += Demand(failures=(failure,))
-        elif defect:
-            found += Demand(judged=1, failures=(failure,))
-        elif row.verdict == "right":
-            found += Demand(right=1, judged=1)
-    return found
+    rows = tightest(row for row in rows if row.solver == solver)
+    failing = [row for row in rows if at_fault(row) or row.status == "unavailable"]
+    unexpected = [row for row in failing if not known(row)]
+    right = sum(row.verdict == "right" and not row.repeated for row in rows)
+    return Demand(
+        right,
+        right + sum(row.status != "unavailable" for row in unexpected),
+        tuple(f"{row.name}: {row.status_text}" for row in unexpected),
+        len(failing) - len(unexpected),
+    )
 
 
-@dataclass(frozen=True)
-class Regression:
-    """Comparison with earlier rows."""
-
-    compared: int
-    """Number of rows in both sets."""
-    worse: dict[Key, str]
-    """Key of each row that got worse, with a description."""
-    missing: tuple[RunRow, ...]
-    """Earlier rows without a present one."""
-
-
-def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> Regression:
+def held_against(rows: Iterable[RunRow], earlier: Iterable[RunRow]) -> tuple[dict[Key, str], list[RunRow]]:
     """Compare rows with earlier rows of the same case, reading, solver, tolerance and step.
 
-    Only the key, ``status`` and ``max_time_error_s`` of the earlier rows are used.
+    Only the key, ``status`` and ``max_time_error_s`` of the earlier rows are used. Return how each compared row got
+    worse by its key (empty if it did not), and the earlier rows without a present one.
     """
-    before = {row.key: row for row in earlier}
-    now = {row.key: row for row in rows}
-    both = [key for key in now if key in before]
-    changes = {key: _change(before[key], now[key]) for key in both}
-    return Regression(
-        compared=len(both),
-        worse={key: words for key, words in changes.items() if words},
-        missing=tuple(row for key, row in before.items() if key not in now),
-    )
+    before, now = {row.key: row for row in earlier}, {row.key: row for row in rows}
+    changes = {key: _change(before[key], row) for key, row in now.items() if key in before}
+    return changes, [row for key, row in before.items() if key not in now]
 
 
 def _change(before: RunRow, now: RunRow) -> str:
     """Describe how a row got worse; empty if it did not."""
-    ranks = _rank(before), _rank(now)
-    if ranks[1] > ranks[0]:
-        return f"was {_state(before, ranks[0])}, is {_state(now, ranks[1])}"
-    if ranks != (0, 0):  # the course of a wrong run depends on rounding, so its errors are not compared
-        return ""
+    rank, new_rank = _rank(before), _rank(now)
+    if new_rank > rank:
+        right = " and right" if rank == 0 and before.status != "ok" else ""
+        return f"was {before.status_text}{right}, is {now.status_text}"
     was, now_is = before.max_time_error_s, now.max_time_error_s
-    if was is None or now_is is None:
+    if new_rank or rank or was is None or now_is is None:  # the errors of a wrong run depend on rounding
         return ""
     least = max(_floor(before), _floor(now))
     fewer = math.log10(max(now_is, least) / max(was, least))
@@ -221,16 +178,103 @@ def _change(before: RunRow, now: RunRow) -> str:
 
 
 def _rank(row: RunRow) -> int:
+    """Rank a row: right, another result, no result, not run."""
     if row.verdict == "right" or (row.verdict is None and row.status == "ok"):
         return 0
-    return _RANKS[row.status]
-
-
-def _state(row: RunRow, rank: int) -> str:
-    return row.status_text if rank or row.status == "ok" else f"{row.status_text} and {_RANK_NAMES[0]}"
+    return 3 if row.status in NOT_RUN else 2 if row.status in ("timeout", "failed") else 1
 
 
 def _floor(row: RunRow) -> float:
     """Smallest measurable error [s]: the truth's radius, or half a unit in the last place of a time."""
     latest = max(abs(row.end_time_s or 0.0), row.time_unit_s or 1.0)
     return max(row.reference_radius_s or 0.0, HALF_ULP * latest)
+
+
+@dataclass(frozen=True)
+class KnownFailure(Row):
+    """Rows that are expected to fail; a field that is None matches any value.
+
+    Raises
+    ------
+    ValueError
+        If it would match every row, or if its status is not one with which a row fails.
+    """
+
+    case: str | None = None
+    reading: str | None = None
+    solver: str | None = None
+    rtol: float | None = None
+    step_s: float | None = None
+    """Step [s]."""
+    status: str | None = None
+    reason: str | None = None
+    """Why the failure is expected."""
+
+    def __post_init__(self) -> None:
+        if not (self.case or self.reading or self.solver):
+            raise ValueError("the line would match every row: name a case, a reading or a solver")
+        if self.status == "ok":
+            raise ValueError("'ok' is no failure: leave the status empty, or give that of the failing rows")
+        if self.status:
+            check_status(self.status)
+
+    @property
+    def name(self) -> str:
+        """Description in messages.
+
+        Examples
+        --------
+        >>> KnownFailure("two_roots", solver="ida", rtol=1e-3).name
+        'case two_roots, solver ida, rtol 0.001'
+        """
+        given = [(own.name, getattr(self, own.name)) for own in fields(self) if own.name != "reason"]
+        return ", ".join(f"{what} {value}" for what, value in given if value is not None)
+
+    def names(self, row: RunRow) -> bool:
+        """Whether the row matches, regardless of its status."""
+        own = (self.case, self.reading, self.solver, self.rtol, self.step_s)
+        return all(wanted in (None, value) for wanted, value in zip(own, row.key, strict=True))
+
+    def covers(self, row: RunRow) -> bool:
+        """Whether a failure of the row is the expected one."""
+        return self.names(row) and self.status in (None, row.status)
+
+
+def check_status(status: str) -> None:
+    """Check that a text is a status of a row; raise ValueError if it is not."""
+    if status not in STATUSES:
+        hint = did_you_mean(status, STATUSES)
+        raise ValueError(f"{shortened(status)} is no status; there are {listed(STATUSES)}{hint}")
+
+
+RowKind = Literal["passed", "failure", "error", "skipped", "known"]
+"""Result of a row for a test runner; ``known``: it fails as expected."""
+
+
+def row_result(row: RunRow, complaints: Collection[str] = (), *, known: bool = False) -> tuple[RowKind, str]:
+    """Classify a row for a test runner; return the reason why it has not passed, too.
+
+    Failure: it is wrong by its solver's fault, it ran out of time, or there are complaints. Error: it has no result (a
+    crash, an exception, too much memory), or a repeated run ended differently. Skipped: it did not run, or double
+    precision does not decide the right result. ``complaints``: further faults, such as unmet bounds or digits lost
+    since an earlier run; ``known``: whether a failure of the row is expected.
+    """
+    kind: RowKind
+    verdict = row.verdict
+    judged = f"; verdict: {verdict}" if verdict is not None and row.status not in NOT_RUN else ""
+    reasons = [*([] if verdict == "right" else [row.status_text + judged]), *complaints]
+    if row.repeated:
+        kind, reasons = "error", [row.status_text, *complaints]
+    elif row.status == "failed" and row.found_transitions is None:
+        kind = "error"
+    elif complaints:
+        kind = "failure"
+    elif verdict == "right":
+        kind = "passed"
+    elif row.status in NOT_RUN or ((verdict in UNDECIDED or not row.judged) and row.status != "timeout"):
+        kind = "skipped"
+    else:
+        kind = "failure"
+    if known and kind != "passed":
+        return "known", "fails as expected: " + "; ".join(reasons)
+    return kind, "; ".join(reasons)

@@ -32,19 +32,6 @@ from numpy.typing import NDArray
 from henon_ref.harness.score.alignment import Keyed, align
 from henon_ref.trajectory import Event
 
-IN_STEP_FRACTION = 1e-3
-"""Agreement required of a pair after an edit, as a part of the distance to the neighbouring transitions of its kind."""
-IN_STEP_FACTOR = 10.0
-"""Multiple of the median error before the edit that is agreement too."""
-IN_STEP_PAIRS = 3
-"""Number of pairs before the edit that the median requires; with fewer, pairs agree to ``ROUGH_FRACTION``."""
-ROUGH_FRACTION = 0.05
-"""Part of the distance to the neighbours that counts as agreement if the median error is unknown."""
-HORIZON_FACTOR = 3.0
-"""Multiple of the worst error within which a transition near the horizon may be on its other side."""
-MOST_PAST_HORIZON = 2
-"""Transitions per surface that may be just past the horizon (a pair), if the exact run is nowhere denser."""
-
 
 @dataclass(frozen=True)
 class Matching:
@@ -110,28 +97,24 @@ def match(
     Matching
     """
     span = max(until - start, np.finfo(float).tiny)
-    ref_slots = [i for i, e in reference.items() if e.kind != "graze"]
-    run_slots = [j for j, e in found.items() if e.kind != "graze"]
-    ref_slots = _simultaneous_in_run_order(reference, ref_slots, found, run_slots, radius)
-    pairs = _align(reference, ref_slots, found, run_slots, span, radius)
-    missed = sorted(set(ref_slots) - {i for i, _ in pairs})
-    spurious = sorted(set(run_slots) - {j for _, j in pairs})
+    (ref, ref_touches), (run, run_touches) = _without_touches(reference), _without_touches(found)
+    ref = _simultaneous_in_run_order(ref, run, radius)
+    pairs = _align(ref, run, span, radius)
+    missed = sorted(set(ref) - {i for i, _ in pairs})
+    spurious = sorted(set(run) - {j for _, j in pairs})
     cut_reference: list[int] = []
     cut_found: list[int] = []
     if reached_horizon:
-        margin = _horizon_margin(reference, found, pairs, span, until)
+        margin = _horizon_margin(ref, run, pairs, span, until)
         bounds = (until - margin, until - end_slack if end_slack > 0 else math.inf)
         last_ref, last_run = (max((pair[side] for pair in pairs), default=-1) for side in (0, 1))
-        missed, cut_reference = _cut_off(reference, missed, last_ref, bounds)
-        spurious, cut_found = _cut_off(found, spurious, last_run, bounds)
+        missed, cut_reference = _cut_off(ref, missed, last_ref, bounds)
+        spurious, cut_found = _cut_off(run, spurious, last_run, bounds)
         if not accumulating:
-            most = _most_past_horizon(
-                reference, found, max((found[j].time for j in cut_found), default=until) - min(bounds)
-            )
+            latest = max((run[j].time for j in cut_found), default=until)
+            most = _most_past_horizon(ref, run, latest - min(bounds))
             spurious, cut_found = sorted(spurious + cut_found[most:]), cut_found[:most]
-    ref_touches = [i for i, e in reference.items() if e.kind == "graze"]
-    run_touches = [j for j, e in found.items() if e.kind == "graze"]
-    touches = _align(reference, ref_touches, found, run_touches, span, radius)
+    touches = _align(ref_touches, run_touches, span, radius)
     return Matching(
         pairs=tuple(pairs),
         missed=tuple(missed),
@@ -144,6 +127,12 @@ def match(
     )
 
 
+def _without_touches(events: Events) -> tuple[Events, Events]:
+    """Split transitions into those that change a mode and touches."""
+    touches = {i: event for i, event in events.items() if event.kind == "graze"}
+    return {i: event for i, event in events.items() if i not in touches}, touches
+
+
 def _key(event: Event) -> tuple[object, ...]:
     return (event.kind, event.surface, tuple(event.from_mode), tuple(event.to_mode))
 
@@ -154,52 +143,38 @@ def _own_key(event: Event) -> tuple[object, ...]:
     return (event.kind, s, event.from_mode[s], event.to_mode[s])
 
 
-def _align(
-    reference: Events,
-    ref_slots: list[int],
-    found: Events,
-    run_slots: list[int],
-    span: float,
-    radius: float,
-) -> list[tuple[int, int]]:
+def _align(reference: Events, found: Events, span: float, radius: float) -> list[tuple[int, int]]:
     """Pairs (reference, found): with loose bounds up to the first edit, with tight bounds from there on."""
-    if not ref_slots or not run_slots:
+    if not reference or not found:
         return []
-    ref, run = _keyed(reference, ref_slots, found, run_slots, radius)
+    ref, run = _keyed(reference, found, radius)
     loose, gaps = _bounds(ref.times, ref.keys[:, 0], span)
     first = align(ref, run, loose)
-    edit = _first_edit(first, len(ref_slots), len(run_slots))
-    if edit < len(first) or len(first) < max(len(ref_slots), len(run_slots)):
+    # Number of pairs before the first missed or spurious transition.
+    edit = int(np.argmax(np.append((first != np.arange(len(first))[:, None]).any(axis=1), True)))
+    if edit < max(len(reference), len(found)):
         head = first[:edit]
         slips = np.abs(ref.times[head[:, 0]] - run.times[head[:, 1]])
-        bound = np.minimum(loose, _in_step_bound(gaps, slips))[edit:]
+        tight = np.maximum(1e-3 * gaps, 10.0 * np.median(slips)) if edit >= 3 else 0.05 * gaps  # too few for a median
+        bound = np.minimum(loose, tight)[edit:]
         first = np.concatenate([head, align(ref.since(edit), run.since(edit), bound) + edit])
-    return [(ref_slots[i], run_slots[j]) for i, j in first.tolist()]
+    places, slots = list(reference), list(found)
+    return [(places[i], slots[j]) for i, j in first.tolist()]
 
 
-def _first_edit(pairs: NDArray[np.intp], n_ref: int, n_run: int) -> int:
-    """Number of pairs before the first missed or spurious transition."""
-    if not len(pairs):
-        return 0
-    broken = np.nonzero((pairs != np.arange(len(pairs))[:, None]).any(axis=1))[0]
-    return int(broken[0]) if broken.size else min(len(pairs), n_ref, n_run)
-
-
-def _keyed(
-    reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
-) -> tuple[Keyed, Keyed]:
+def _keyed(reference: Events, found: Events, radius: float) -> tuple[Keyed, Keyed]:
     """Times and integer keys: the full key, and the own-surface key (of the reference only in groups)."""
     table: dict[tuple[object, ...], int] = {}
 
     def code(key: tuple[object, ...]) -> int:
         return table.setdefault(key, len(table))
 
-    grouped = set().union(*_groups(reference, ref_slots, radius))
-    ref_keys = [(code(_key(reference[i])), code(_own_key(reference[i])) if i in grouped else -1) for i in ref_slots]
-    run_keys = [(code(_key(found[j])), code(_own_key(found[j]))) for j in run_slots]
+    grouped = set().union(*_groups(reference, radius))
+    ref_keys = [(code(_key(e)), code(_own_key(e)) if i in grouped else -1) for i, e in reference.items()]
+    run_keys = [(code(_key(e)), code(_own_key(e))) for e in found.values()]
     return (
-        Keyed(np.array(ref_keys, dtype=np.int64), np.array([reference[i].time for i in ref_slots])),
-        Keyed(np.array(run_keys, dtype=np.int64), np.array([found[j].time for j in run_slots])),
+        Keyed(np.array(ref_keys, dtype=np.int64), np.array([event.time for event in reference.values()])),
+        Keyed(np.array(run_keys, dtype=np.int64), np.array([event.time for event in found.values()])),
     )
 
 
@@ -217,19 +192,12 @@ def _bounds(times: NDArray[np.float64], keys: NDArray[np.int64], span: float) ->
     return loose, nearest
 
 
-def _in_step_bound(gaps: NDArray[np.float64], slips: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bound of a pair's time difference after the first edit [s], from the errors before it."""
-    if slips.size < IN_STEP_PAIRS:
-        return gaps * ROUGH_FRACTION
-    return np.maximum(gaps * IN_STEP_FRACTION, IN_STEP_FACTOR * float(np.median(slips)))
-
-
-def _groups(events: Events, slots: list[int], radius: float) -> list[set[int]]:
+def _groups(events: Events, radius: float) -> list[set[int]]:
     """Sets of reference keys whose transitions are at one instant, on different surfaces."""
     groups: list[set[int]] = []
-    instant: list[int] = slots[:1]
+    instant: list[int] = list(events)[:1]
     repeated: set[int] = set()
-    for before, after in pairwise(slots):
+    for before, after in pairwise(events):
         first, second = events[before], events[after]
         together = second.time - first.time <= max(2 * radius, 4 * float(np.spacing(abs(first.time))))
         instant = [*instant, after] if together else [after]
@@ -245,27 +213,25 @@ def _groups(events: Events, slots: list[int], radius: float) -> list[set[int]]:
     return [group for group in groups if not group & repeated]
 
 
-def _simultaneous_in_run_order(
-    reference: Events, ref_slots: list[int], found: Events, run_slots: list[int], radius: float
-) -> list[int]:
-    """The reference's keys, with those at one instant reordered as in the run."""
-    groups, none = _groups(reference, ref_slots, radius), max(found, default=-1) + 1
-    if not groups or not run_slots:
-        return ref_slots
+def _simultaneous_in_run_order(reference: Events, found: Events, radius: float) -> Events:
+    """The reference's transitions, with those at one instant reordered as in the run."""
+    groups, none = _groups(reference, radius), max(found, default=-1) + 1
+    if not groups or not found:
+        return reference
     places: dict[tuple[object, ...], list[tuple[float, int]]] = {}
-    for j in run_slots:
-        if math.isfinite(found[j].time):
-            places.setdefault(_own_key(found[j]), []).append((found[j].time, j))
+    for j, event in found.items():
+        if math.isfinite(event.time):
+            places.setdefault(_own_key(event), []).append((event.time, j))
     for candidates in places.values():
         candidates.sort()
-    order = list(ref_slots)
-    position = {slot: k for k, slot in enumerate(ref_slots)}
+    order = list(reference)
+    position = {slot: k for k, slot in enumerate(reference)}
     for group in groups:
         members = sorted(group, key=position.__getitem__)
         nearest = {i: _nearest(places.get(_own_key(reference[i]), []), reference[i].time, none) for i in members}
         first = position[members[0]]
         order[first : first + len(members)] = sorted(members, key=nearest.__getitem__)
-    return order
+    return {i: reference[i] for i in order}
 
 
 def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> int:
@@ -278,7 +244,7 @@ def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> 
 def _horizon_margin(reference: Events, found: Events, pairs: list[tuple[int, int]], span: float, until: float) -> float:
     """Distance to the horizon [s] within which the run's time error may move a transition across it."""
     worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
-    return max(min(HORIZON_FACTOR * worst, span * ROUGH_FRACTION), 4 * float(np.spacing(abs(until))))
+    return max(min(3.0 * worst, 0.05 * span), 4 * float(np.spacing(abs(until))))
 
 
 def _cut_off(
@@ -297,8 +263,11 @@ def _cut_off(
 
 
 def _most_past_horizon(reference: Events, found: Events, length: float) -> int:
-    """Largest number of cut-off transitions: as many as the reference has in any interval of that length."""
-    times = np.sort([event.time for event in reference.values() if event.kind != "graze"])
+    """Largest number of cut-off transitions: as many as the reference has in any interval of that length.
+
+    At least a pair per surface may be just past the horizon.
+    """
+    times = np.sort([event.time for event in reference.values()])
     together = int((np.searchsorted(times, times + length, side="right") - np.arange(times.size)).max(initial=0))
     surfaces = max((len(next(iter(own.values())).from_mode) for own in (reference, found) if own), default=1)
-    return max(together, MOST_PAST_HORIZON * surfaces)
+    return max(together, 2 * surfaces)

@@ -1,4 +1,4 @@
-"""Reference of scoring: the truth of one reading, in doubles and double-doubles."""
+"""Reference of scoring: the truth of one reading, in doubles and double-doubles, and the kind of the reading."""
 
 from __future__ import annotations
 
@@ -11,11 +11,26 @@ from functools import cached_property
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Kind, Status
 
 HALF_ULP = 2.0**-53
+KINDS = (
+    "crossings",
+    "stick-slip",
+    "several surfaces",
+    "jumps",
+    "graze or close roots",
+    "no transition",
+    "ends early",
+    "no truth",
+)
+"""Kinds of readings (:func:`kind_of`), in the order of tables."""
+CLOSE = 1 / 400
+"""Two transitions of one surface are close if the time between them is less than this part of the mean time between
+transitions. Motions of the suite that are not built to have close roots stay above 1/320 of it."""
 
 
 @dataclass(frozen=True)
@@ -68,57 +83,6 @@ class NearGraze:
     """Whether the distance does not grow until the mode changes, so that the approach continues until then."""
 
 
-class NearGrazes:
-    """Near grazes, searchable by time.
-
-    ``changes`` are the times [s] at which the mode changes, in order: an approach ends at a change.
-    """
-
-    def __init__(self, grazes: Sequence[NearGraze], changes: Sequence[float] = ()) -> None:
-        self._changes = changes
-        self._grazes = sorted(grazes, key=lambda graze: graze.time)
-        self._times = np.array([graze.time for graze in self._grazes])
-        self._distances = np.array([graze.distance for graze in self._grazes])
-        self._lasting = np.array([graze.lasts for graze in self._grazes], dtype=bool)
-
-    def closest(self, time: float, within: float) -> NearGraze | None:
-        """Return the near graze with the smallest distance at most ``within`` [s] from a time.
-
-        Near grazes that last count only if they are not later than the time. Between two of them the distance is
-        interpolated exponentially.
-        """
-        begin, end = bisect_left(self._times, time - within), bisect_right(self._times, time + within)
-        later = self._lasting[begin:end] & (self._times[begin:end] > time)
-        distances = np.where(later, np.inf, self._distances[begin:end])
-        found = [] if later.all() else [self._grazes[begin + int(np.argmin(distances))]]
-        return min([*found, *self._approached(time)], key=lambda graze: graze.distance, default=None)
-
-    def _approached(self, time: float) -> Iterator[NearGraze]:
-        """Near grazes interpolated to a time within a lasting approach."""
-        last: dict[int, NearGraze] = {}
-        for graze in self._grazes if self._lasting.any() else ():
-            before = last.get(graze.surface)
-            if (
-                graze.lasts
-                and before is not None
-                and before.time <= time < graze.time
-                and self._one_mode(before, graze)
-            ):
-                part = (time - before.time) / (graze.time - before.time)
-                distance = before.distance * (graze.distance / before.distance) ** part if before.distance else 0.0
-                yield replace(before, time=time, distance=distance)
-            if graze.lasts:
-                last[graze.surface] = graze
-
-    def _one_mode(self, before: NearGraze, after: NearGraze) -> bool:
-        return bisect_right(self._changes, before.time) == bisect_right(self._changes, after.time)
-
-    def from_nearest(self, time: float) -> float | None:
-        """Distance from a time to the nearest near graze [s]; None if there is none."""
-        at = bisect_left(self._times, time)
-        return min((abs(float(other) - time) for other in self._times[max(at - 1, 0) : at + 1]), default=None)
-
-
 @dataclass(frozen=True)
 class Expected:
     """Reference of scoring: the truth of one reading, in doubles and double-doubles."""
@@ -148,6 +112,11 @@ class Expected:
     def radius(self) -> float:
         """Largest radius of the transition times [s]."""
         return max((e.radius for e in self.transitions), default=0.0)
+
+    @property
+    def floor(self) -> float:
+        """Smallest error of a time that can be claimed [s]: the radius, or half a unit in the last place."""
+        return max(self.radius, HALF_ULP * self.time_unit)
 
     @property
     def time_unit(self) -> float:
@@ -197,13 +166,78 @@ class Expected:
         return min(places[max(at - 1, 0) : at + 1], key=lambda i: abs(self.transitions[i].time - time), default=None)
 
     @cached_property
-    def grazes_by_time(self) -> NearGrazes:
-        return NearGrazes(self.near_grazes, [t.time for t in self.transitions])
+    def _grazes(self) -> tuple[list[NearGraze], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Near grazes in order of time, their times and distances, and whether they last."""
+        grazes = sorted(self.near_grazes, key=lambda graze: graze.time)
+        times, distances = (np.array([getattr(own, name) for own in grazes]) for name in ("time", "distance"))
+        return grazes, times, distances, np.array([graze.lasts for graze in grazes], dtype=bool)
+
+    def closest_graze(self, time: float, within: float) -> NearGraze | None:
+        """Return the near graze with the smallest distance at most ``within`` [s] from a time.
+
+        Near grazes that last count only if they are not later than the time. Between two of them the distance is
+        interpolated exponentially.
+        """
+        grazes, times, distances, lasting = self._grazes
+        begin, end = bisect_left(times, time - within), bisect_right(times, time + within)
+        later = lasting[begin:end] & (times[begin:end] > time)
+        earlier = np.where(later, np.inf, distances[begin:end])
+        found = [] if later.all() else [grazes[begin + int(np.argmin(earlier))]]
+        return min([*found, *self._approached(time)], key=lambda graze: graze.distance, default=None)
+
+    def _approached(self, time: float) -> Iterator[NearGraze]:
+        """Yield near grazes interpolated to a time within a lasting approach, which ends where the mode changes."""
+        changes, last = [event.time for event in self.transitions], dict[int, NearGraze]()
+        grazes, _, _, lasting = self._grazes
+        for graze in (grazes[k] for k in np.flatnonzero(lasting)):
+            before, last[graze.surface] = last.get(graze.surface), graze
+            if before is None or not before.time <= time < graze.time:
+                continue
+            if bisect_right(changes, before.time) == bisect_right(changes, graze.time):
+                part = (time - before.time) / (graze.time - before.time)
+                distance = before.distance * (graze.distance / before.distance) ** part if before.distance else 0.0
+                yield replace(before, time=time, distance=distance)
+
+    def from_nearest_graze(self, time: float) -> float | None:
+        """Return the distance from a time to the nearest near graze [s]; None if there is none."""
+        _, times, _, _ = self._grazes
+        at = bisect_left(times, time)
+        return min((abs(float(other) - time) for other in times[max(at - 1, 0) : at + 1]), default=None)
 
     @property
     def scale(self) -> float:
         """Size of the state that tolerances are relative to: its largest value at the start and at transitions."""
         return max(self.start_size, self.state_size, HALF_ULP)
+
+
+def kind_of(expected: Expected | None, surfaces: int) -> str:
+    """Return the kind of a reading, the ability of a solver that it tests: the first one that applies to its truth.
+
+    * ``no truth``: nothing is known of the exact run after its start;
+    * ``ends early``: it cannot reach its horizon (its future is not unique, the model no longer holds, it diverges);
+    * ``graze or close roots``: it touches a surface, comes close to one without reaching it (a near graze of the
+      truth), or two transitions of one surface are close;
+    * ``no transition``;
+    * ``jumps``: the state jumps;
+    * ``several surfaces``: the system has more than one;
+    * ``stick-slip``: it enters or leaves sliding;
+    * ``crossings``: it only crosses the surface.
+    """
+    if expected is None or expected.nothing_known:
+        return "no truth"
+    if expected.status != "ok" or expected.partial:
+        return "ends early"
+    kinds = {event.kind for event in expected.transitions}
+    mean = (expected.end_time - expected.start) / max(len(expected.transitions), 1)
+    if "graze" in kinds or expected.near_grazes or min(expected.gaps, default=mean) < CLOSE * mean:
+        return "graze or close roots"
+    if not kinds:
+        return "no transition"
+    if "reset" in kinds:
+        return "jumps"
+    if surfaces > 1:
+        return "several surfaces"
+    return "stick-slip" if kinds & {"stick", "release"} else "crossings"
 
 
 def split_double(digits: str) -> tuple[float, float]:

@@ -18,20 +18,15 @@ anything about a surface that has transitions later; or nothing is known of the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from henon_ref.harness.score.matching import Matching
-from henon_ref.harness.score.reference import Expected, NearGraze, ReferenceTransition
-from henon_ref.trajectory import Status, Transition
-
-Word = Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
+from henon_ref.harness.score.reference import Expected, ReferenceTransition
+from henon_ref.trajectory import Trajectory, Transition
 
 FIXED_STEP_TOLERANCE = 1e-12
 """Tolerance that is assumed for a run without tolerances."""
-END_TOLERANCES = 200.0
-"""Growth of a run's error up to its end, in tolerances (as measured for BDF at 1e-12)."""
 PARABOLA_PART = 0.25
 """Part of the distance to its neighbour by which a transition has to move for the pair to vanish (a parabola)."""
 
@@ -40,7 +35,7 @@ PARABOLA_PART = 0.25
 class Verdict:
     """A verdict with its reason."""
 
-    word: Word
+    word: Literal["right", "solver defect", "ill-conditioned", "not unique", "not judged"]
     basis: str = ""
     """Reason in one phrase; empty for ``right``."""
 
@@ -53,33 +48,25 @@ def granted_error(expected: Expected, tolerance: float | None) -> float:
     return (FIXED_STEP_TOLERANCE if tolerance is None else tolerance) * expected.scale
 
 
-def verdict(
-    expected: Expected,
-    matching: Matching,
-    found: Sequence[Transition],
-    *,
-    tolerance: float | None,
-    status: Status,
-    ended: float,
-) -> Verdict:
+def verdict(expected: Expected, matching: Matching, run: Trajectory, *, tolerance: float | None) -> Verdict:
     """Verdict on a run that is not right, by its first missed or spurious transition.
 
-    ``found``: the run's transitions that were matched; ``tolerance``: None for a fixed-step run; ``status``, ``ended``:
-    status and end time [s] of the run.
+    ``tolerance``: None for a fixed-step run.
     """
     if expected.nothing_known:
         return Verdict("not judged", "nothing is known of the exact run after its start")
-    allowed = granted_error(expected, tolerance)
+    allowed, ended = granted_error(expected, tolerance), run.end_time
     missed = [expected.transitions[i].time for i in matching.missed[:1]]
-    invented = [found[j].time for j in matching.spurious[:1]]
+    invented = [run.transitions[j].time for j in matching.spurious[:1]]
     where = min(missed + invented, default=None)
     if expected.status == "nonunique" and (where is None or where >= expected.end_time - allowed):
         return Verdict("not unique", f"from t = {expected.end_time:.9g} s on there are several futures")
-    if status == "timeout" and (where is None or (where > ended and not invented)):
+    if run.status == "timeout" and (where is None or (where > ended and not invented)):
         return Verdict("not judged", f"right up to t = {ended:.9g} s, where the time limit stopped it")
     if where is None:
-        allowed_time = math.sqrt(END_TOLERANCES * allowed / expected.scale) * (expected.until - expected.start)
-        if status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
+        # The error of a run grows up to its end: to 200 tolerances, as measured for BDF at 1e-12.
+        allowed_time = math.sqrt(200.0 * allowed / expected.scale) * (expected.until - expected.start)
+        if run.status == expected.status == "failed" and abs(ended - expected.end_time) <= allowed_time:
             basis = f"an error of its tolerances moves an end like that by {allowed_time:.1e} s: t = {ended:.9g} s"
             return Verdict("ill-conditioned", basis)
         return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
@@ -88,12 +75,7 @@ def verdict(
         if fault.word == "solver defect" and where > ended and not invented:
             return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
         return fault
-    return spurious_verdict(expected, found[matching.spurious[0]], allowed)
-
-
-def undecided_verdict(event: ReferenceTransition) -> Verdict:
-    """Verdict on a right run that does not decide anything about the surface of this later transition."""
-    return Verdict("not judged", f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s")
+    return spurious_verdict(expected, run.transitions[matching.spurious[0]], allowed)
 
 
 def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
@@ -105,31 +87,26 @@ def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
     basis = f"{what}: an error of {allowed:.1e} moves it by {moved:.1e} s, its neighbour is {gap:.1e} s away"
     if moved >= PARABOLA_PART * gap:
         return Verdict("ill-conditioned", basis)
-    graze = _graze_within(expected, event.time, gap, allowed)
-    return Verdict("solver defect", basis) if graze is None else _grazing(graze, allowed)
+    return _grazing(expected, event.time, gap, allowed) or Verdict("solver defect", basis)
 
 
 def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> Verdict:
     what = f"{event.kind} at t = {event.time:.9g} s"
-    close = expected.nearest(event.surface, event.time)
+    close, gap = expected.nearest(event.surface, event.time), expected.until - expected.start
     if close is not None:
-        other = expected.transitions[close]
-        gap = min(expected.gaps[close], expected.until - expected.start)
+        other, gap = expected.transitions[close], expected.gaps[close]
         reach = other.conditioning * allowed
         if reach >= PARABOLA_PART * gap:
             return Verdict(
                 "ill-conditioned",
                 f"{what}: an error of {allowed:.1e} moves the {other.kind} at t = {other.time:.9g} s by {reach:.1e} s",
             )
-    span = expected.until - expected.start
-    gap = span if close is None else expected.gaps[close]
-    graze = _graze_within(expected, event.time, gap, allowed)
-    if graze is not None:
-        return _grazing(graze, allowed)
-    nearest = expected.grazes_by_time.from_nearest(event.time)
-    no_graze = "the exact run comes close to no surface without reaching it" if nearest is None else (
-        f"the nearest near touch is {nearest:.1e} s away"
-    )  # fmt: skip
+    if grazing := _grazing(expected, event.time, gap, allowed):
+        return grazing
+    nearest = expected.from_nearest_graze(event.time)
+    no_graze = "the exact run comes close to no surface without reaching it"
+    if nearest is not None:
+        no_graze = f"the nearest near touch is {nearest:.1e} s away"
     return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_graze}")
 
 
@@ -139,13 +116,11 @@ def graze_distance(expected: Expected, index: int) -> float:
     return PARABOLA_PART * event.transversality * expected.gaps[index]
 
 
-def _graze_within(expected: Expected, where: float, gap: float, allowed: float) -> NearGraze | None:
-    """Near graze around this time whose distance is within the granted error, if any."""
-    graze = expected.grazes_by_time.closest(where, gap)
-    return graze if graze is not None and graze.distance <= allowed else None
-
-
-def _grazing(graze: NearGraze, allowed: float) -> Verdict:
+def _grazing(expected: Expected, where: float, gap: float, allowed: float) -> Verdict | None:
+    """Verdict on a run that differs near a graze within the granted error; None if there is none."""
+    graze = expected.closest_graze(where, gap)
+    if graze is None or graze.distance > allowed:
+        return None
     return Verdict(
         "ill-conditioned",
         f"at t = {graze.time:.9g} s the surface is {graze.distance:.1e} away, within an error of {allowed:.1e}",

@@ -16,7 +16,7 @@ import sympy as sp
 
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
+from henon_ref.figures.style import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.case_files import fixed_step
 from henon_ref.harness.report.folder import RUNS

@@ -10,8 +10,8 @@ from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.harness import registry
-from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
+from henon_ref.harness.score.ranking import LEVELS
 from henon_ref.harness.table import Table
 from henon_ref.text import code
 

@@ -17,8 +17,8 @@ from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.folder import INDEX, REPORT
+from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import svg
-from henon_ref.harness.report.text.markdown import environment
 from henon_ref.harness.rows import RunRow
 from henon_ref.modes.problem import Problem
 from henon_ref.text import markdown

@@ -9,9 +9,9 @@ import numpy as np
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.report.text.ranking import LEVELS, readings_of
 from henon_ref.harness.result_files import read_rows, rows_text
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.score.ranking import LEVELS, readings_of
 from henon_ref.harness.studies.page import report_link, write
 from henon_ref.harness.studies.pairs import (
     FIRST,

@@ -21,8 +21,8 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import Turns, interleaved, median_interval, timed
-from henon_ref.harness.report.text.ranking import reaching
 from henon_ref.harness.rows import Key, Row, RunRow, number
+from henon_ref.harness.score.ranking import reaching
 from henon_ref.harness.table import significant
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run, Solver

@@ -11,10 +11,10 @@ from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.score.errors import EARLY
+from henon_ref.harness.score.ranking import LEVELS
 from henon_ref.harness.studies.location_options import OptionRow, option_rows, option_table, options_of
 from henon_ref.harness.studies.page import report_link, rows_of, write
 from henon_ref.harness.studies.study import StudyRequest, StudyResult

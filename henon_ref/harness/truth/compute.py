@@ -38,12 +38,6 @@ PROOF_SECONDS = 60.0
 BARREN_SECONDS = 3.0
 """Time limit of a proof if the run fails before its first transition, so that there is little to prove [s]."""
 
-CLAIM_BITS = 320
-"""Precision at which a stored closed form is compared with the case's."""
-ANEW = "it is not used, the truth is computed anew"
-"""End of the warning about an unusable stored truth."""
-ALONE = "alone: heyoka is not installed"
-"""Note on the method of a truth that rests on the proof alone."""
 END_TOLERANCE = 1e-12
 """Relative tolerance of the end time that a case expects; the time of a blow-up is an extrapolation."""
 
@@ -126,7 +120,7 @@ def stored_truth(case: Case, reading: Reading, folder: Path | None = None) -> Tr
             return stored
         if place != store.user_folder():
             path = store.path_of(place, case.name, reading.name)
-            _tell_once(f"{path} is the truth of what the case said before; {ANEW}, henon-ref truth replaces it")
+            _tell_once(f"{path} is the truth of what the case said before", ", henon-ref truth replaces it")
     return None
 
 
@@ -139,13 +133,13 @@ def _places(case: Case, folder: Path | None) -> tuple[Path, ...]:
 
 def tell(error: store.StoredTruthError) -> None:
     """Warn that a file is not a stored truth."""
-    _tell_once(f"{error}; {ANEW}")
+    _tell_once(str(error))
 
 
 @cache
-def _tell_once(words: str) -> None:
+def _tell_once(words: str, mend: str = "") -> None:
     """Warn once per process, since several parts of a command look at the same file."""
-    log.warning("%s", words)
+    log.warning("%s; it is not used, the truth is computed anew%s", words, mend)
 
 
 def claimed(stored: Truth, reading: Reading) -> bool:
@@ -158,7 +152,7 @@ def claimed(stored: Truth, reading: Reading) -> bool:
         _check_end(reading, stored)
     except TruthError:
         return False
-    with working_precision(CLAIM_BITS):
+    with working_precision(320):  # as a closed form is computed
         return all(abs(enclose(time) - arb(t.time_digits)) <= t.radius for time, t in zip(times, known, strict=True))
 
 
@@ -188,10 +182,9 @@ def compute(
         If the routes, or a route and a closed form, contradict each other.
     """
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
-    from henon_ref.harness.truth.closed_forms import with_closed_forms
     from henon_ref.harness.truth.conditioning import conditioning
     from henon_ref.harness.truth.multiprecision.numbers import with_short_state
-    from henon_ref.harness.truth.proofs import prove
+    from henon_ref.harness.truth.proofs import prove, with_closed_forms
 
     problem, seconds, computed = reading.problem, proof_seconds, None
     if heyoka_installed():
@@ -206,7 +199,7 @@ def compute(
     if computed is not None:
         computed = replace(computed, transitions=tuple(visible(problem.system, computed.transitions)))
     if computed is None:
-        proof = replace(proof, method=f"{proof.method} ({ALONE})")
+        proof = replace(proof, method=f"{proof.method} (alone: heyoka is not installed)")
         truth = _truth(case.name, reading, proof, (proof,), proof.transitions, proof.undecided)
     else:
         truth = _combined(case.name, reading, computed, proof, where)

@@ -44,6 +44,7 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, jump_of, turning_in_flight
+from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -123,7 +124,8 @@ def _fallen_guards(
 ) -> list[Fall]:
     """The guards that end a mode: of the candidates, those at their root."""
     candidates: list[tuple[float, Fall]] = []
-    for guard, value, gradient, rate in flow.guards(mode, time, state):
+    _, values, gradients, rates = flow.at(mode, time, state)
+    for guard, value, gradient, rate in zip(flow.system.equations(mode).guards, values, gradients, rates, strict=True):
         if guard.ends or guard.index not in surfaces:
             continue
         if guard.kind == "release" and guard.to_sign != after[guard.index]:
@@ -140,10 +142,6 @@ class _Variations:
 
     def __init__(self, system: FilippovSystem) -> None:
         self.system = system
-        self._flows: dict[Mode | None, tuple[Callable[..., Any], NDArray[np.intp]]] = {}
-        self._functions: dict[Mode | None, Callable[..., Any]] = {}
-        """By mode; by None if all modes share their equations."""
-        self._maps: dict[int, Callable[..., Any]] = {}
         self._shared = system.shared
 
     def derivative(self, mode: Mode, begin: float, state: Vector, end: float, landed: Vector) -> tuple[Vector, Vector]:
@@ -154,7 +152,7 @@ class _Variations:
         n, length = len(state), end - begin
         if not length > 0:
             return np.eye(n), state
-        (flow, jacobian), switches = self._flow(mode), self._switches(mode)
+        (_, flow, jacobian), switches = self._functions(self._key(mode)), self._switches(mode)
 
         def rates(passed: float, values: Vector) -> Vector:
             field, entries = flow(np.float64(begin + passed), *values[:n], *switches)
@@ -172,12 +170,6 @@ class _Variations:
             return np.full((n, n), np.nan), landed  # integration fails near a singularity: unknown
         return run.y[n:, -1].reshape(n, n), run.y[:n, -1]
 
-    def guards(self, mode: Mode, time: float, state: Vector) -> list[tuple[Guard, float, Vector, float]]:
-        """(guard, value, gradient, rate along the field) of every guard of a mode."""
-        _, values, gradients, rates = self._at(mode, time, state)
-        guards = self.system.equations(mode).guards
-        return list(zip(guards, values, gradients, rates, strict=True))
-
     def saltation(self, before: Mode, after: Mode, falls: Sequence[Fall], time: float, state: Vector) -> Vector:
         """S, the product over the guards that fall at one instant (of several surfaces of one contact: the first)."""
         total = np.eye(len(state))
@@ -190,7 +182,7 @@ class _Variations:
             for j, (i, _) in multiples.items():
                 following = replaced(following, j, after[j]) if i == guard.index else following
             if rate and following != mode:
-                jump = self.field(following, time, state) - self.field(mode, time, state)
+                jump = self.at(following, time, state)[0] - self.at(mode, time, state)[0]
                 total = (np.eye(len(state)) + np.outer(jump, gradient) / rate) @ total
             mode = following
         return total
@@ -213,7 +205,7 @@ class _Variations:
         _, gradient, rate = next(fall for fall in falls if fall[0].index in surfaces)
         if not rate:
             return matrix
-        change = self.field(after, time, landed) - matrix @ self.field(before, time, state) - drift
+        change = self.at(after, time, landed)[0] - matrix @ self.at(before, time, state)[0] - drift
         return matrix + np.outer(change, gradient) / rate
 
     def time_of_rest(self, surface: int, mode: Mode, time: float, state: Vector) -> Vector:
@@ -246,52 +238,37 @@ class _Variations:
         n = len(state)
         drift, matrix = np.zeros(n), np.eye(n)
         for surface in surfaces:
-            if surface not in self._maps:
-                values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
-                slopes = [[sp.diff(value, x) for x in (TIME, *self.system.states)] for value in values]
-                self._maps[surface] = sp.lambdify([TIME, *self.system.states], [values, slopes], np)
-            after, found = (np.array(part, dtype=float) for part in self._maps[surface](time, *state))
+            after, found = (np.array(part, dtype=float) for part in self._jump(surface)(time, *state))
             drift, matrix, state = found[:, 1:] @ drift + found[:, 0], found[:, 1:] @ matrix, after
         return drift, matrix
 
-    def field(self, mode: Mode, time: float, state: Vector) -> Vector:
-        return self._at(mode, time, state)[0]
+    @kept
+    def _jump(self, surface: int) -> Callable[..., Any]:
+        """Function of (t, states): the state after a jump, and its derivatives by time and states."""
+        values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
+        slopes = [[sp.diff(value, x) for x in (TIME, *self.system.states)] for value in values]
+        return sp.lambdify([TIME, *self.system.states], [values, slopes], np)
 
     def projector(self, mode: Mode, time: float, state: Vector) -> Vector:
         """Projection onto the directions that keep the state on the sliding surfaces."""
         sliding = [i for i, s in enumerate(mode) if s == 0]
         if not sliding:
             return np.eye(len(state))
-        normals = self._normals(time, state)[sliding]
-        return np.eye(len(state)) - np.linalg.pinv(normals) @ normals
-
-    def _normals(self, time: float, state: Vector) -> Vector:
-        """Gradients of the surfaces, as rows."""
         with np.errstate(all="ignore"):
-            return np.array(self._surface_gradients(np.float64(time), *state), dtype=float)
+            normals = np.array(self._surface_gradients(np.float64(time), *state), dtype=float)[sliding]
+        return np.eye(len(state)) - np.linalg.pinv(normals) @ normals
 
     @cached_property
     def _surface_gradients(self) -> Callable[..., Any]:
+        """Gradients of the surfaces, as rows."""
         system = self.system
         rows = [[sp.diff(system.numeric(h), x) for x in system.states] for h in system.surfaces]
         return sp.lambdify([TIME, *system.states], rows, np, cse=True)
 
-    def _at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-        """Field, guard values, guard gradients and guard rates."""
-        key = mode if self._shared is None else None
-        if key not in self._functions:
-            system = self.system
-            written, ends = self._equations(mode)
-            guards = [system.numeric(g) for g in ends]
-            entries = [
-                [system.numeric(f) for f in written],
-                guards,
-                [[sp.diff(g, x) if g.has(x) else sp.S.Zero for x in system.states] for g in guards],
-                [sp.diff(g, TIME) for g in guards],
-            ]
-            self._functions[key] = self._function(entries)
+    def at(self, mode: Mode, time: float, state: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+        """Field, and values, gradients and rates along the field of all guards."""
         with np.errstate(all="ignore"):
-            found = self._functions[key](np.float64(time), *state, *self._switches(mode))
+            found = self._functions(self._key(mode))[0](np.float64(time), *state, *self._switches(mode))
         field, values, gradients, drift = (np.array(part, dtype=float) for part in found)
         gradients = gradients.reshape(len(values), len(state))
         rates = drift + gradients @ field
@@ -300,35 +277,35 @@ class _Variations:
         kept = np.array(self._shared.rows(mode))
         return field, values[kept], gradients[kept], rates[kept]
 
-    def _flow(self, mode: Mode) -> tuple[Callable[..., Any], NDArray[np.intp]]:
-        """Function (t, state, switches) -> (field, entries of its Jacobian) of a mode; rows and columns of the entries.
+    def _key(self, mode: Mode) -> Mode | None:
+        """None if all modes share their equations."""
+        return mode if self._shared is None else None
 
-        Entries that are identically zero are left out: each body of a long chain acts on its neighbours alone.
+    @kept
+    def _functions(self, key: Mode | None) -> tuple[Callable[..., Any], Callable[..., Any], csr_array]:
+        """Functions of (t, states, switches) of a mode.
+
+        The first gives the field, and values, gradients and derivatives by time of the guards; the second the field
+        and the entries of its Jacobian, whose places are those of the third. Entries that are identically zero are
+        left out: each body of a long chain acts on its neighbours alone.
         """
-        key = mode if self._shared is None else None
-        if key not in self._flows:
-            field = [self.system.numeric(f) for f in self._equations(mode)[0]]
-            entries = {
-                (i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(self.system.states) if f.has(x)
-            }
-            places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
-            n = len(field)
-            self._flows[key] = (
-                self._function([field, list(entries.values())]),
-                csr_array((np.ones(len(entries)), places), shape=(n, n)),
-            )
-        return self._flows[key]
-
-    def _equations(self, mode: Mode) -> tuple[Sequence[sp.Expr], Sequence[sp.Expr]]:
-        """Field and guards of a mode, or those shared by all modes."""
-        if self._shared is not None:
-            return self._shared.field, self._shared.outputs
-        equations = self.system.equations(mode)
-        return equations.field, [g.expression for g in equations.guards]
-
-    def _function(self, entries: Sequence[Any]) -> Callable[..., Any]:
-        names = [] if self._shared is None else list(self._shared.owner)
-        return sp.lambdify([TIME, *self.system.states, *names], entries, np, cse=True)
+        system, states, symbols = self.system, self.system.states, [TIME, *self.system.states]
+        if key is None:
+            assert self._shared is not None
+            written, ends = self._shared.field, self._shared.outputs
+            symbols += list(self._shared.owner)
+        else:
+            equations = system.equations(key)
+            written, ends = equations.field, tuple(g.expression for g in equations.guards)
+        field, guards = [system.numeric(f) for f in written], [system.numeric(g) for g in ends]
+        gradients = [[sp.diff(g, x) if g.has(x) else sp.S.Zero for x in states] for g in guards]
+        entries = {(i, j): sp.diff(f, x) for i, f in enumerate(field) for j, x in enumerate(states) if f.has(x)}
+        places = np.array(list(entries), dtype=np.intp).reshape(-1, 2).T
+        return (
+            sp.lambdify(symbols, [field, guards, gradients, [sp.diff(g, TIME) for g in guards]], np, cse=True),
+            sp.lambdify(symbols, [field, list(entries.values())], np, cse=True),
+            csr_array((np.ones(len(entries)), places), shape=(len(field), len(field))),
+        )
 
     def _switches(self, mode: Mode) -> list[float]:
         """Values of the switches that select a mode in equations shared by all modes."""

@@ -1,27 +1,36 @@
-"""The certified route: the result of :mod:`henon_ref.enclosure` as a :class:`Route`."""
+"""What is exact: the certified route, as a :class:`Route`, and the closed forms of a case.
+
+Closed forms are evaluated to 80 digits, compared with the computed times, then used in place of them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from sys import float_info
-from typing import TYPE_CHECKING
+from time import perf_counter
 
 import flint
+import sympy as sp
 from flint import arb
 
-from henon_ref.enclosure.run import CertifiedRun, Ended, certify
+from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.run import Ended, Progress, certify
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits, written_radius
-from henon_ref.harness.truth.reference import Route
+from henon_ref.harness.truth.reference import ReferenceTransition, Route, TruthError
+from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
-
-if TYPE_CHECKING:
-    from henon_ref.harness.truth.multiprecision.run import Progress
 
 RADIUS = 1e-30
 """Required radius of every transition time, as a part of the run's length and at most this many seconds."""
 SMALLEST = 1e-80
 """Radius with which an exact number is written."""
+
+CLOSED_FORM_BITS, CLOSED_FORM_PLACES = 320, 80
+"""Working precision of a closed form, more than the truth's 256 bits, so that its rounding does not matter; decimal
+places of a closed form in a truth."""
 
 _STATUS: dict[Ended, Status] = {"horizon": "ok", "invalid": "invalid", "nonunique": "nonunique", "none": "failed"}
 """Status of a run whose end is proven."""
@@ -36,40 +45,75 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
     seconds : float, optional
         Time limit.
     progress : callable, optional
-        Called with the part that is done, 0 to 1.
 
     Returns
     -------
     Route
         ``undecided`` is the reason why the proof stopped before the end, if it did.
     """
-    start, span = float(problem.start), float(problem.until - problem.start)
-
-    def report(time: float, _count: int) -> None:
-        if progress is not None:
-            progress((time - start) / span)
-
-    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=report)
+    begun, span = perf_counter(), float(problem.until - problem.start)
+    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=progress)
     with working_precision(run.bits + GUARD_BITS):
-        return _route(run)
-
-
-def _route(run: CertifiedRun) -> Route:
-    complete = run.ended in _STATUS
-    radius = _radius(run.time)
-    return Route(
-        method=f"ball arithmetic, python-flint {flint.__version__}",
-        bits=(run.bits,),
-        seconds=run.seconds,
-        status=_STATUS.get(run.ended, "failed"),
-        reason=run.reason,
-        end_digits=ball_text(run.time, radius),
-        end_radius=radius,
-        transitions=tuple(in_digits(t, _radius(t.time), _radius(*t.state), proven=True) for t in run.transitions),
-        undecided="" if complete else run.reason,
-    )
+        radius = _radius(run.time)
+        return Route(
+            method=f"ball arithmetic, python-flint {flint.__version__}",
+            bits=(run.bits,),
+            seconds=perf_counter() - begun,
+            status=_STATUS.get(run.ended, "failed"),
+            reason=run.reason,
+            end_digits=ball_text(run.time, radius),
+            end_radius=radius,
+            transitions=tuple(in_digits(t, _radius(t.time), _radius(*t.state), proven=True) for t in run.transitions),
+            undecided="" if run.ended in _STATUS else run.reason,
+        )
 
 
 def _radius(*balls: arb) -> float:
     """Radius around the written digits that contains every ball."""
     return written_radius(max(SMALLEST, *(float(ball.rad()) for ball in balls)))
+
+
+def with_closed_forms(
+    transitions: Sequence[ReferenceTransition], times: Sequence[sp.Expr], modes: Sequence[Mode] = ()
+) -> tuple[ReferenceTransition, ...]:
+    """Replace the first computed times by the closed forms.
+
+    Parameters
+    ----------
+    transitions : sequence of ReferenceTransition
+        As computed.
+    times : sequence of Expr
+        Exact times [s] from the first transition on.
+    modes : sequence of Mode
+        Exact mode after each transition, from the first one on.
+
+    Raises
+    ------
+    TruthError
+        If a closed form is not within the radius of the computed time, or if there are more closed forms than
+        transitions.
+    """
+    if len(times) > len(transitions):
+        raise TruthError(
+            f"the case gives {len(times)} exact transition times, but only {len(transitions)} transitions "
+            "were found: check 'exact' and 'until'"
+        )
+    for index, mode in enumerate(modes):
+        found_mode = transitions[index].to_mode if index < len(transitions) else "none"
+        if found_mode != mode:
+            raise TruthError(f"transition {index}: the exact mode after it is {mode}, computed is {found_mode}")
+    with working_precision(CLOSED_FORM_BITS):
+        balls = [enclose(time) for time in times]
+        for index, (ball, found) in enumerate(zip(balls, transitions, strict=False)):
+            apart = abs(ball - arb(found.time_digits))
+            if not apart.lower() <= found.radius:
+                raise TruthError(
+                    f"transition {index}: the closed form gives {ball.str(25, radius=False)}, computed is "
+                    f"{found.time_digits[:27]} with radius {found.radius:g}: they differ by {float(apart):.3g} s"
+                )
+        radius = 10.0**-CLOSED_FORM_PLACES
+        exact = tuple(
+            replace(found, time_digits=ball_text(ball, radius), radius=radius, closed_form=True)
+            for ball, found in zip(balls, transitions, strict=False)
+        )
+    return exact + tuple(transitions[len(times) :])

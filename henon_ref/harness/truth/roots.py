@@ -9,7 +9,7 @@ to the square root of the precision.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import factorial, perm
 
 from flint import arb, arb_poly
@@ -32,24 +32,12 @@ class Root:
     """True: the polynomial changes sign; False: it touches zero."""
 
 
-@dataclass(frozen=True)
-class NearMiss:
-    """An extremum near zero, in units of the step."""
-
-    at: arb
-    value: arb
+NearMiss = tuple[arb, arb]
+"""Place (in units of the step) and value of an extremum near zero."""
 
 
-@dataclass
-class Roots:
-    """All roots of a polynomial on (0, END], in order."""
-
-    roots: list[Root] = field(default_factory=list)
-    near_misses: list[NearMiss] = field(default_factory=list)
-
-
-def isolate(coefficients: Sequence[arb], zero: arb) -> Roots:
-    """Locate all roots on (0, END].
+def isolate(coefficients: Sequence[arb], zero: arb) -> tuple[list[Root], list[NearMiss]]:
+    """Locate all roots and near misses on (0, END], in order.
 
     Parameters
     ----------
@@ -61,11 +49,7 @@ def isolate(coefficients: Sequence[arb], zero: arb) -> Roots:
     """
     search = _Search(arb_poly(list(coefficients)), zero)
     search.piece(arb(0), arb(END), search.polynomial(arb_poly([END / 2, END / 2])))
-    return search.found
-
-
-def _ball(a: arb, b: arb) -> arb:
-    return a.union(b)
+    return search.roots, search.near_misses
 
 
 def _sign(value: arb) -> int:
@@ -80,7 +64,8 @@ class _Search:
         self.slope = polynomial.derivative()
         self.curvature = self.slope.derivative()
         self.zero = zero
-        self.found = Roots()
+        self.roots: list[Root] = []
+        self.near_misses: list[NearMiss] = []
 
     def piece(self, a: arb, b: arb, local: arb_poly) -> None:
         """Append the roots on (a, b], where the polynomial is ``local`` in a variable from -1 to 1."""
@@ -115,7 +100,7 @@ class _Search:
         """Append the root on (a, b], if any, of the monotone polynomial."""
         end = _sign(self.polynomial(b))
         if _sign(self.polynomial(a)) * end < 0 or end == 0:
-            self.found.roots.append(Root(simple_root(self.polynomial, self.slope, a, b), odd=True))
+            self.roots.append(Root(simple_root(self.polynomial, self.slope, a, b), odd=True))
 
     def _around_extremum(self, a: arb, b: arb) -> None:
         """Append the roots on (a, b], where the second derivative has one sign: at most one extremum."""
@@ -125,12 +110,12 @@ class _Search:
         at = simple_root(self.slope, self.curvature, a, b).mid()
         value, curvature = self.polynomial(at), self.curvature(at)
         if abs(value.mid()) <= self.zero:
-            self.found.roots.append(Root(at, odd=False))
+            self.roots.append(Root(at, odd=False))
         elif _sign(value) != _sign(curvature):  # the extremum is across zero: one root on each side of it
             self._between(a, at)
             self._between(at, b)
         elif abs(2 * value / curvature) < LEAST_SEPARATION**2:
-            self.found.near_misses.append(NearMiss(at, value))
+            self.near_misses.append((at, value))
 
     def _cluster(self, a: arb, b: arb, order: int) -> None:
         """Append a root of multiplicity ``order`` >= 3: the simple root of the derivative of one order less."""
@@ -140,7 +125,7 @@ class _Search:
         end = _sign(before(b))
         if _sign(before(a)) * end < 0 or end == 0:  # else the root is on a neighbouring piece
             at = simple_root(before, before.derivative(), a, b).mid()
-            self.found.roots.append(Root(at, odd=order % 2 == 1))
+            self.roots.append(Root(at, odd=order % 2 == 1))
 
 
 def _dominates(c: Sequence[arb], sizes: Sequence[arb], order: int) -> bool:
@@ -154,13 +139,13 @@ def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
     sign_b = _sign(p(b))
     if sign_b == 0:
         return b
-    while slope(_ball(a, b)).contains(0):
+    while slope(a.union(b)).contains(0):
         middle = ((a + b) / 2).mid()
         sign = _sign(p(middle))
         if sign == 0 or not a < middle < b:
             return middle
         a, b = (a, middle) if sign == sign_b else (middle, b)
-    x = _ball(a, b)
+    x = a.union(b)
     while True:
         middle = x.mid()
         value = p(middle)
@@ -173,7 +158,7 @@ def simple_root(p: arb_poly, slope: arb_poly, a: arb, b: arb) -> arb:
                 return narrower
             # The slope varies too much over the bracket, because of an extremum nearby: halve it.
             low, high = arb(x.lower()), arb(x.upper())
-            narrower = _ball(low, middle) if _sign(value) == sign_b else _ball(middle, high)
+            narrower = low.union(middle) if _sign(value) == sign_b else middle.union(high)
             if not narrower.rad() < x.rad():
                 return narrower
         x = narrower

@@ -1,13 +1,11 @@
-"""Inputs of recurrences: coefficients of nodes, constants of the tape, and values used by several recurrences."""
+"""Inputs of recurrences: coefficients of nodes, constants of the tape, convolutions of coefficients."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from henon_ref.jit.ir_writer import MINUS, ONE, ZERO, IRWriter, Value
-from henon_ref.taylor.llvm.linear_forms import Factor
-from henon_ref.taylor.llvm.sin_cos import sin_cos
-from henon_ref.taylor.tape import Tape
+from henon_ref.jit.ir_writer import LANES, MINUS, ONE, ZERO, IRWriter, Value
+from henon_ref.taylor.llvm.linear_forms import Factor, Pair
 
 
 class Coefficients(list[Value]):
@@ -16,20 +14,13 @@ class Coefficients(list[Value]):
     def __init__(self, w: IRWriter, values: Sequence[Value] = ()) -> None:
         super().__init__(values)
         self._w = w
-        self._doubled: dict[int, Value] = {}
-        self._weighted: dict[int, Value] = {}
 
     def doubled(self, j: int) -> Value:
-        """2 a_j, computed once."""
-        if j not in self._doubled:
-            self._doubled[j] = self._w.add(self[j], self[j])
-        return self._doubled[j]
+        return self._w.once.add(self[j], self[j])
 
     def weighted(self, j: int) -> Value:
-        """j a_j, computed once: coefficient j - 1 of the derivative."""
-        if j not in self._weighted:
-            self._weighted[j] = self._w.scaled(float(j), self[j])
-        return self._weighted[j]
+        """j a_j: coefficient j - 1 of the derivative."""
+        return self._w.once.scaled(float(j), self[j])
 
     def inner_square(self, k: int) -> Value:
         """Sum of a_j a_(k-j) over 1 <= j <= k - 1, without repeating equal products."""
@@ -39,24 +30,16 @@ class Coefficients(list[Value]):
 
 
 class Constants:
-    """The constants of a tape, loaded first."""
+    """The constants of a tape, or of one node; ``place``: where the number with an index is in memory."""
 
-    def __init__(self, w: IRWriter, tape: Tape) -> None:
-        self._w, self._count = w, len(tape.constants)
-        self._loaded: dict[int, str] = {}
+    def __init__(self, w: IRWriter, count: int, place: Callable[[int], tuple[str, int]]) -> None:
+        self._w, self._count, self._place = w, count, place
         self._products: dict[Factor, Value] = {}
         self._sums: dict[tuple[Factor, ...], Value] = {}
-        for node in tape.nodes:
-            for index in node.constants:
-                self.value(index)
-                if node.op == "clock":
-                    self.lost(index)
 
     def value(self, index: int) -> str:
         """A constant, rounded to double."""
-        if index not in self._loaded:
-            self._loaded[index] = self._w.load("%K", index)
-        return self._loaded[index]
+        return self._w.once.load(*self._place(index))
 
     def lost(self, index: int) -> str:
         """Rounding error of a constant."""
@@ -83,35 +66,72 @@ class Constants:
         return self._products[factor]
 
 
-class Functions:
-    """Functions of values, each computed once for all nodes that use it."""
+class Convolutions:
+    """Sums of the older products of all convolutions of an order, several at once in the lanes of vectors.
 
-    def __init__(self, w: IRWriter) -> None:
-        self._w = w
-        self._inverses: dict[str, str] = {}
-        self._calls: dict[tuple[str, str], str] = {}
-        self._sines: dict[str, tuple[str, str]] = {}
-        self._products: dict[tuple[Value, Value], Value] = {}
+    u * v at order k is the sum of u_j v_(k-j). For 2 <= j < k/2 the products u_j v_(k-j) and v_j u_(k-j) are lanes of
+    the product of two packed vectors, one with its neighbours swapped. The products with j = 0 and 1, and the middle
+    one, are left to the recurrence.
+    """
 
-    def inverse(self, value: Value) -> str:
-        below = value or ZERO
-        if below not in self._inverses:
-            self._inverses[below] = self._w.binary("fdiv", ONE, below)
-        return self._inverses[below]
+    def __init__(self, w: IRWriter, series: Mapping[int, Sequence[Value]], pairs: Sequence[Pair], order: int) -> None:
+        self.w, self.series, self.order = w, series, order
+        half = LANES // 2
+        wanted = list(pairs) if order >= 8 else []  # at lower orders a lane would have only one or two products
+        self.groups = [wanted[i : i + half] for i in range(0, len(wanted), half)]
+        self.operands: list[dict[int, tuple[str, str]]] = [{} for _ in self.groups]
+        self.sums: dict[tuple[Pair, int], str] = {}
+        self.grouped = frozenset(wanted)
+        self.scales: dict[Pair, Value] = {}
+        """Factors by which u of a pair is multiplied."""
+        self._scaled: dict[tuple[Pair, int], Value] = {}
 
-    def call(self, op: str, value: Value) -> str:
-        """Call a function of the C library; sine and cosine are computed together by :func:`sin_cos`."""
-        argument = value or ZERO
-        if op in ("sin", "cos"):
-            if argument not in self._sines:
-                self._sines[argument] = sin_cos(self._w, argument, ZERO)
-            return self._sines[argument][op == "cos"]
-        if (op, argument) not in self._calls:
-            self._calls[op, argument] = self._w.call(op, argument)
-        return self._calls[op, argument]
+    def left(self, pair: Pair, k: int) -> Value:
+        """u_k of a pair, times its factor."""
+        if pair not in self.scales:
+            return self.series[pair[0]][k]
+        if (pair, k) not in self._scaled:
+            self._scaled[pair, k] = self.w.mul(self.scales[pair], self.series[pair[0]][k])
+        return self._scaled[pair, k]
 
-    def product(self, a: Value, b: Value) -> Value:
-        """Product that is used at every order, computed once."""
-        if (a, b) not in self._products:
-            self._products[a, b] = self._w.mul(a, b)
-        return self._products[a, b]
+    def pack(self, k: int) -> None:
+        """Pack the coefficients of order k, once all of them are known."""
+        if k < 2 or k > self.order - 2:
+            return
+        for group, operands in zip(self.groups, self.operands, strict=True):
+            values = [v or ZERO for pair in group for v in (self.left(pair, k), self.series[pair[1]][k])]
+            packed = self.w.vector(values)
+            swapped = self.w.shuffled(len(values), packed, [i ^ 1 for i in range(len(values))])
+            operands[k] = packed, swapped
+
+    def add_up(self, k: int) -> None:
+        """Add the sums for order k, from coefficients up to k - 2."""
+        if k < 5:
+            return
+        w = self.w
+        for group, operands in zip(self.groups, self.operands, strict=True):
+            lanes = 2 * len(group)
+            total = w.total_lanewise(lanes, [(operands[j][0], operands[k - j][1]) for j in range((k - 1) // 2, 1, -1)])
+            swapped = w.shuffled(lanes, total, [i ^ 1 for i in range(lanes)])
+            total = w.lanewise("fadd", lanes, total, swapped)
+            for at, pair in enumerate(group):
+                self.sums[pair, k] = w.lane(lanes, total, 2 * at)
+
+    def parts(self, pair: Pair, k: int) -> tuple[Value, Value]:
+        """Sum of u_j v_(k-j) over 2 <= j <= k - 2 in two parts, which are available late and early."""
+        w, v = self.w, self.series[pair[1]]
+        if pair not in self.grouped:
+            return None, w.total([(self.left(pair, j), v[k - j]) for j in range(2, k - 1)])
+        middle = w.mul(self.left(pair, k // 2), v[k // 2]) if k % 2 == 0 and k >= 4 else None
+        return self.sums.get((pair, k)), middle
+
+    def inner(self, pair: Pair, k: int) -> Value:
+        """Sum of u_j v_(k-j) over 1 <= j <= k - 1."""
+        w, (u, v) = self.w, (self.series[pair[0]], self.series[pair[1]])
+        if k == 2:
+            return w.mul(u[1], v[1])
+        total, rest = self.parts(pair, k)
+        if k > 2:
+            rest = w.fused(u[k - 1], v[1], rest)
+            rest = w.fused(u[1], v[k - 1], rest)
+        return w.add(rest, total)

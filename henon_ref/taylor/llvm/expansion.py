@@ -2,29 +2,29 @@
 
 The tape is unrolled to a fixed order and written as LLVM IR. Every coefficient is one value; structural zeros (a
 constant's derivatives, a clock's after the first) never become instructions; squares take half the products; sums are
-flattened (:mod:`henon_ref.taylor.llvm.linear_forms`); convolutions share the lanes of vectors
-(:mod:`henon_ref.taylor.llvm.convolutions`). Each node has an object that writes its coefficients in turn
-(``recurrences``, ``sums``, ``functions_of_time``), created and called here. The time unit is about the size of a step,
-so that coefficients neither overflow nor underflow in any units of the model.
+flattened (:mod:`henon_ref.taylor.llvm.linear_forms`); convolutions share the lanes of vectors. Each node has a function
+that writes its coefficients in turn (:mod:`henon_ref.taylor.llvm.recurrences`), called here. The time unit is about the
+size of a step, so that coefficients neither overflow nor underflow in any units of the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from itertools import count
 
-from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, row_length
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor import rules
-from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Functions
-from henon_ref.taylor.llvm.convolutions import Convolutions, convolved
-from henon_ref.taylor.llvm.functions_of_time import Clock
-from henon_ref.taylor.llvm.layout import Row, store_combination, store_integral, store_values
+from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
-from henon_ref.taylor.llvm.node_recurrences import NodeRecurrences
-from henon_ref.taylor.llvm.recurrences import Recurrence
+from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, last_terms, longest_step
-from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm, StateIntegral
-from henon_ref.taylor.tape import Tape
+from henon_ref.taylor.tape import Node, Tape
+
+_VECTOR = f"<{LANES} x double>"
+
+Row = tuple[str, int]
+"""An array, and the offset of a row in it."""
 
 
 def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
@@ -93,59 +93,61 @@ class Expansion:
 
     def __init__(self, w: IRWriter, tape: Tape, states: int, order: int) -> None:
         self.w, self.tape, self.states, self.order = w, tape, states, order
+        nodes = tape.nodes
         self.forms = Forms(tape)
-        self.constants, self.functions = Constants(w, tape), Functions(w)
+        self.constants = Constants(w, len(tape.constants), lambda index: ("%K", index))
+        for node in nodes:
+            for index in node.constants:
+                self.constants.value(index)
+                if node.op == "clock":
+                    self.constants.lost(index)
         self.solution = [Coefficients(w, [w.load("%x", i)]) for i in range(states)]
         self.series = {
-            at: self.solution[node.args[0]] if node.op == "state" else Coefficients(w)
-            for at, node in enumerate(tape.nodes)
+            at: self.solution[node.args[0]] if node.op == "state" else Coefficients(w) for at, node in enumerate(nodes)
         }
-        field = [self.forms.of(root) for root in tape.field]
-        self.output_forms = [self.forms.of(root) for root in tape.outputs]
-        self.kept = {at: self.forms.of(at) for at in self.forms.kept}
-        self.convolutions = Convolutions(w, self.series, convolved(tape, self.forms.denominator), order)
-        starts = [row[0] for row in self.solution]
-        self.rates = [
-            IntegralOfForm(w, self.constants, form, self.series, start)
-            for form, start in zip(field, starts, strict=False)
-        ]
-        self.integral_states = self._integral_states()
-        self.integrals = {
-            at: (self.solution[found.source], found.rate)
-            for at, node in enumerate(tape.nodes)
-            if node.op == "state" and (found := self.integral_states.get(node.args[0]))
+        convolutions = Convolutions(w, self.series, self.forms.convolved(), order)
+        integrals: dict[int, tuple[Coefficients, Value]] = {}
+        self.made = Recurrences(w, self.constants, self.series, convolutions, integrals, order)
+        self.rates = [self.made.rate_factors(form) for form in self.forms.field]
+        self.integral_states = {
+            i: (self.forms.state(leaf), self.rates[i][leaf]) for i, leaf in self.forms.integral_states(order).items()
         }
-        made = NodeRecurrences(w, self.constants, self.functions, self.series, self.convolutions, self.integrals, order)
-        self.targets = [made.linear(form) for form in self.output_forms]
+        """State whose rate is a multiple of another state -> the other state, and the factor times the time unit."""
+        for at, node in enumerate(nodes):
+            if node.op == "state" and node.args[0] in self.integral_states:
+                source, rate = self.integral_states[node.args[0]]
+                integrals[at] = self.solution[source], rate
         self.recurrences: dict[int, Recurrence] = {}
-        for at, node in enumerate(tape.nodes):
-            if at in self.kept:
-                self.recurrences[at] = made.linear(self.kept[at])
+        for at, node in enumerate(nodes):
+            if at in self.forms.kept:
+                self.recurrences[at] = partial(self.made.linear, self.forms.kept[at])
             elif node.op not in (*rules.LINEAR, "state"):
-                clock = self.recurrences.get(node.args[0]) if node.args else None
                 below = self.forms.below(node.args[0]) if node.op == "recip" else None
-                self.recurrences[at] = made.of(at, node, clock if isinstance(clock, Clock) else None, below)
+                self.recurrences[at] = self.made.of(at, node, self.clock_of(node), below)
         self.outputs: list[list[Value]] = []
         self.sizes: list[str] = []
 
+    def clock_of(self, node: Node) -> Node | None:
+        """Argument of a sine or cosine, if it is a clock."""
+        argument = self.tape.nodes[node.args[0]] if node.op in ("sin", "cos") else None
+        return argument if argument is not None and argument.op == "clock" else None
+
     def run(self) -> None:
         """Write the required coefficients of the nodes, states and outputs."""
-        w, order = self.w, self.order
-        leaves = (leaf for form in self.output_forms for leaf in form.terms)
-        last = read_by(self.tape, self.forms, self.kept, leaves)
+        w, order, made = self.w, self.order, self.made
         for k in range(order + 1):
-            self.convolutions.add_up(k)
+            made.convolutions.add_up(k)
             for at, recurrence in self.recurrences.items():
-                wanted = k < order or order == 0 or at in last
-                self.series[at].append(recurrence.coefficient(k) if wanted else None)
+                wanted = k < order or order == 0 or at in self.forms.last
+                self.series[at].append(recurrence(k) if wanted else None)
             if k < order:
-                for row, rate in zip(self.solution, self.rates, strict=True):
-                    row.append(rate.coefficient(k + 1))
-            self.convolutions.pack(k)
+                for row, form, factors in zip(self.solution, self.forms.field, self.rates, strict=True):
+                    row.append(made.state(form, factors, k + 1))
+            made.convolutions.pack(k)
             if k == 2 and order >= 3:  # divisions have a long latency and start as early as possible
-                rows = [*self.solution, *([target.coefficient(j) for j in range(3)] for target in self.targets)]
+                rows = [*self.solution, *([made.linear(form, j) for j in range(3)] for form in self.forms.outputs)]
                 self.sizes = [inverse_size(w, values) for values in rows]
-        self.outputs = [self._output(target) for target in self.targets]
+        self.outputs = [self._output(form) for form in self.forms.outputs]
 
     def store(self, width: int) -> None:
         """Store all rows; rows of integral states and of linear outputs are computed from rows already stored."""
@@ -157,67 +159,56 @@ class Expansion:
         for i, values in enumerate(self.solution):
             if i not in self.integral_states:
                 store_values(w, values, row(i))
-        for i, integral in self.integral_states.items():
-            store_integral(w, self.solution[i], row(i), row(integral.source), integral.rate, order)
-        for r, target, found in zip(count(self.states), self.targets, self.outputs, strict=False):
-            if self._by_vectors(target):
-                parts = [(row(self._state(leaf)), target.factor(leaf)) for leaf in target.form.terms]
+        for i, (source, rate) in self.integral_states.items():
+            store_integral(w, self.solution[i], row(i), row(source), rate, order)
+        for r, form, found in zip(count(self.states), self.forms.outputs, self.outputs, strict=False):
+            if self._by_vectors(form):
+                parts = [(row(self.forms.state(leaf)), self.constants.total(form.terms[leaf])) for leaf in form.terms]
                 store_combination(w, found[0], row(r), parts, order)
             else:
                 store_values(w, found, row(r))
 
-    def _output(self, target: LinearForm) -> list[Value]:
+    def _output(self, form: Form) -> list[Value]:
         """Coefficients of an output; if it is linear in the states, only those that the norms read."""
         ends = {0, 1, 2, self.order - 1, self.order}
-        sparse = self._by_vectors(target)
-        return [target.coefficient(k) if not sparse or k in ends else None for k in range(self.order + 1)]
+        sparse = self._by_vectors(form)
+        return [self.made.linear(form, k) if not sparse or k in ends else None for k in range(self.order + 1)]
 
-    def _by_vectors(self, target: LinearForm) -> bool:
+    def _by_vectors(self, form: Form) -> bool:
         """Whether the row of an output is combined from the states' rows, which saves 2 to 16 % of a run of the rig."""
-        return self.order >= LANES and all(self._state(leaf) >= 0 for leaf in target.leaves)
-
-    def _state(self, leaf: int) -> int:
-        """Index of the state that a leaf is, or -1."""
-        node = self.tape.nodes[leaf]
-        return node.args[0] if node.op == "state" else -1
-
-    def _integral_states(self) -> dict[int, StateIntegral]:
-        """Result of :func:`integral_states` with the factors."""
-        found = integral_states(self.tape, [rate.form for rate in self.rates], self.order)
-        return {i: StateIntegral(self._state(leaf), self.rates[i].rates[leaf]) for i, leaf in found.items()}
+        return self.order >= LANES and all(self.forms.state(leaf) >= 0 for leaf in form.terms)
 
 
-def integral_states(tape: Tape, field: Sequence[Form], order: int) -> dict[int, int]:
-    """States whose rate is a multiple of another state that is not such a state itself (Fig. 8: 4 to 6 % of a run).
+def store_values(w: IRWriter, values: Sequence[Value], row: Row) -> None:
+    array, first = row
+    for k, value in enumerate(values):
+        w.store(value or ZERO, array, first + k)
 
-    Each with the node of the other state. ``field``: the rates as forms.
+
+def store_integral(w: IRWriter, values: Sequence[Value], row: Row, source: Row, factor: Value, order: int) -> None:
+    """Store the row of a state whose rate is a multiple of another state, from the stored row of the other state.
+
+    Coefficient k is factor / k times coefficient k - 1 of the other state.
     """
-    found: dict[int, int] = {}
-    sources: set[int] = set()
-    for i, form in enumerate(field):
-        if order >= LANES and len(form.terms) == 1 and not form.constant and i not in sources:
-            (leaf,) = form.terms
-            node = tape.nodes[leaf]
-            source = node.args[0] if node.op == "state" else -1
-            if source not in (-1, i) and source not in found:
-                found[i] = leaf
-                sources.add(source)
-    return found
+    store_values(w, values[:LANES], row)
+    scale = w.vector([factor or ZERO] * LANES)
+    for k in range(LANES, row_length(order), LANES):
+        parts = w.vector([literal(1.0 / j if j <= order else 0.0) for j in range(k, k + LANES)])
+        before = w.load(source[0], source[1] + k - 1, _VECTOR)
+        after = w.lanewise("fmul", LANES, before, w.lanewise("fmul", LANES, scale, parts))
+        w.store(after, row[0], row[1] + k, _VECTOR)
 
 
-def read_by(tape: Tape, forms: Forms, kept: Mapping[int, Form], roots: Iterable[int]) -> set[int]:
-    """Nodes that the roots depend on, including the roots but not states; ``kept``: forms of linear nodes."""
-    found: set[int] = set()
-    waiting = list(roots)
-    while waiting:
-        at = waiting.pop()
-        node = tape.nodes[at]
-        if at not in found and node.op != "state":
-            found.add(at)
-            if at in kept:
-                waiting.extend(kept[at].terms)
-            elif node.op == "recip":
-                waiting.append(forms.denominator(node.args[0]))
+def store_combination(w: IRWriter, first: Value, row: Row, parts: Sequence[tuple[Row, Value]], order: int) -> None:
+    """Store a sum of rows times factors; its first coefficient is passed, since it may contain a constant."""
+    factors = [(source, w.vector([factor or ZERO] * LANES)) for source, factor in parts]
+    for k in range(0, row_length(order), LANES):
+        total = ""
+        for (array, begin), factor in factors:
+            values = w.load(array, begin + k, _VECTOR)
+            if total:
+                total = w.lanewise_fused(LANES, factor, values, total)
             else:
-                waiting.extend(node.args)
-    return found
+                total = w.lanewise("fmul", LANES, factor, values)
+        w.store(total or w.vector([ZERO] * LANES), row[0], row[1] + k, _VECTOR)
+    w.store(first or ZERO, *row)

@@ -4,21 +4,21 @@ A tape of thousands of operations has few kinds of them. As in heyoka's compact 
 2021, Sec. 2.4) there is one function per shape and order. It loops over all nodes of the shape by a table of the places
 that they read, so that compilation time does not grow with their number. The functions are written by the recurrences
 of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node, cut into pieces
-(:mod:`henon_ref.taylor.llvm.pieces`), and compute the same bits.
+(:mod:`henon_ref.taylor.llvm.one_node`), and compute the same bits.
 
 Series of states are in the rows of ``C``. Series of nodes are in memory ``S`` that is allocated for the call, which
-also holds the sums of constants that are used as factors, each once, and the numbers for the choice of the step size.
+also holds the sums of constants that are used as factors, each once.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import TypeVar
 
 from henon_ref.jit.ir_writer import literal, loop_function, row_length
-from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, state_lines, total_lines
-from henon_ref.taylor.llvm.pieces import Pieces
+from henon_ref.taylor.llvm.one_node import OneNode, Pieces, bound_lines, state_lines, total_lines
 from henon_ref.taylor.llvm.shapes import Factors, Operands, Shape, Shapes
 from henon_ref.taylor.llvm.step_bounds import GROWING
 from henon_ref.taylor.tape import Tape
@@ -26,10 +26,7 @@ from henon_ref.taylor.tape import Tape
 T = TypeVar("T")
 Key = TypeVar("Key", bound=Hashable)
 _POINTER = re.compile(r"%p(\d+)\b")
-_ARGUMENTS = "ptr noalias %C, ptr noalias %S, ptr noalias %K"
 _TIMES = "double %unit, double %t_hi, double %t_lo"
-NOTHING = 1e30
-"""Longest step if no function bounds it."""
 
 
 def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | None = None) -> str:
@@ -49,6 +46,8 @@ class _LoopedExpansion:
         self.totals: dict[Factors, int] = {}
         """Place in ``S`` of each sum of constants."""
         self.pieces: dict[Shape, Pieces] = {}
+        self.norms = (states + len(tape.outputs)) * width
+        """Place in ``C`` of the numbers after the rows."""
         self.rows: dict[int, int] = {}
         """Place in ``S`` of the row of each node."""
 
@@ -58,8 +57,7 @@ class _LoopedExpansion:
         self._orders()
         if self.order >= 3:
             self._norms()
-        else:
-            self._outputs({})
+        self._outputs()
         body = "\n".join(self.calls)
         copy = f"  call void @{self.name}.copy(ptr %C, ptr %x, i64 {self.states}, i64 {self.width})\n"
         return (
@@ -104,7 +102,7 @@ class _LoopedExpansion:
         for kind, members in _grouped(self.totals, signs.__getitem__):
             rows = [[self.totals[each], *(i for f in each for i in f.constants)] for each in members]
             bases = ["%S", *["%K"] * (len(rows[0]) - 1)]
-            self._loop(("total", kind), bases, lambda kind=kind: total_lines(kind), self._table(rows))  # type: ignore[misc]
+            self._loop(("total", kind), bases, partial(total_lines, kind), self._table(rows))
 
     def _node_rows(self) -> None:
         for at, (shape, _) in self.shapes.nodes.items():
@@ -137,62 +135,29 @@ class _LoopedExpansion:
         for k in range(order + 1):
             for shape, last, table in groups:
                 if k < order or order == 0 or last:
-                    lines = self.pieces[shape].lines[k]
-                    self._loop((shape, k), ["%S", *self._bases(shape)], lines.copy, table)
+                    self._loop((shape, k), ["%S", *self._bases(shape)], self.pieces[shape].lines[k].copy, table)
             for shape, pieces, table in rates if k < order else ():
                 self._loop((shape, k), ["%C", *self._bases(shape)], pieces.lines[k].copy, table)
 
-    def _outputs(self, ratios: dict[int, list[int]]) -> None:
-        """Compute the rows of the outputs; ``ratios``: places of each row's ratios."""
+    def _outputs(self) -> None:
+        """Compute the rows of the outputs."""
         shapes, n = self.shapes, self.states
         for shape, members in _grouped(range(len(shapes.outputs)), lambda r: shapes.outputs[r][0]):
-            rows = [
-                [(n + r) * self.width, *self._places(shapes.outputs[r][1]), *ratios.get(n + r, ())] for r in members
-            ]
-            bases = ["%C", *self._bases(shape), "%S", "%S"]
-            made = OneNode(shape, self.order)
-            self._loop((shape, "row"), bases[: len(rows[0])], lambda made=made: made.output(), self._table(rows))  # type: ignore[misc]
+            rows = [[(n + r) * self.width, *self._places(shapes.outputs[r][1]), self.norms] for r in members]
+            bases = ["%C", *self._bases(shape), "%C"]
+            self._loop((shape, "row"), bases, OneNode(shape, self.order).output, self._table(rows))
 
     def _norms(self) -> None:
-        """Compute the rows of the outputs, and the numbers after the rows."""
-        shapes, order, n = self.shapes, self.order, self.states
-        degrees = [*(shapes.degree(-1 - i) for i in range(n)), *(shape.degree for shape, _ in shapes.outputs)]
-        counts = [sum(degree >= k for degree in degrees) for k in (order - 1, order)]
-        places = [self._taken(count) for count in counts]
-        free, ratios = list(places), {}
-        for row, degree in enumerate(degrees):
-            ratios[row] = [free[i] for i, k in enumerate((order - 1, order)) if degree >= k]
-            free = [place + (degree >= k) for place, k in zip(free, (order - 1, order), strict=True)]
-        for degree, members in _grouped(range(n), degrees.__getitem__):
-            rows = [[i * self.width, *ratios[i]] for i in members]
-            bases = ["%C", "%S", "%S"][: len(rows[0])]
-            self._loop(("state", degree), bases, lambda d=degree: state_lines(d, order), self._table(rows))  # type: ignore[misc]
-        self._outputs(ratios)
-        steps = self._longest_step()
-        both = self._taken(sum(counts))
-        first, name, total = (n + len(shapes.outputs)) * self.width, self.name, sum(counts)
-        self.globals.append(_PAIRED.format(name=f"{name}.largest", operation=_LARGER))
-        self.globals.append(_PAIRED.format(name=f"{name}.total", operation=_SUM))
-        at = "  %{0} = getelementptr double, ptr %{1}, i64 {2}"
-        self.calls += [
-            *(at.format(*each) for each in (("before", "S", places[0]), ("last", "S", places[1]), ("both", "S", both))),
-            f"  call void @{name}.copy(ptr %both, ptr %before, i64 {total}, i64 1)",
-            f"  %norm0 = call double @{name}.largest(ptr %last, i64 {counts[1]})",
-            f"  %norm1 = call double @{name}.largest(ptr %before, i64 {counts[0]})",
-            f"  %norm2 = call double @{name}.total(ptr %both, i64 {total})",
-            at.format("steps", "S", steps),
-            "  %norm3 = load double, ptr %steps, align 8",
-        ]
-        for i in range(4):
-            self.calls += [at.format(f"out{i}", "C", first + i), f"  store double %norm{i}, ptr %out{i}, align 8"]
-
-    def _longest_step(self) -> int:
-        """Compute the longest step that the exponentials allow; return its place in ``S``."""
-        shapes, order, place = self.shapes, self.order, self._taken(1)
-        self.calls += [
-            f"  %step = getelementptr double, ptr %S, i64 {place}",
-            f"  store double {literal(NOTHING)}, ptr %step, align 8",
-        ]
+        """Start the numbers after the rows, which the outputs complete."""
+        shapes, order = self.shapes, self.order
+        for i, value in enumerate((0.0, 0.0, 0.0, 1e30)):
+            self.calls += [
+                f"  %norm{i} = getelementptr double, ptr %C, i64 {self.norms + i}",
+                f"  store double {literal(value)}, ptr %norm{i}, align 8",
+            ]
+        for degree, members in _grouped(range(self.states), lambda i: shapes.degree(-1 - i)):
+            rows = [[i * self.width, self.norms] for i in members]
+            self._loop(("state", degree), ["%C", "%C"], partial(state_lines, degree, order), self._table(rows))
 
         def kind(at: int) -> tuple[str, bool, int, int]:
             name, whole = shapes.argument(at)
@@ -201,10 +166,9 @@ class _LoopedExpansion:
         growing = [at for at, node in enumerate(self.tape.nodes) if node.op in GROWING]
         for found, members in _grouped(growing, kind):
             names = [shapes.argument(at)[0] for at in members]
-            rows = [[place, -(1 + name) * self.width if name < 0 else self.rows[name]] for name in names]
-            bases = ["%S", "%C" if found[1] else "%S"]
-            self._loop(("step", found), bases, lambda found=found: bound_lines(*found), self._table(rows))  # type: ignore[misc]
-        return place
+            rows = [[self.norms + 3, -(1 + name) * self.width if name < 0 else self.rows[name]] for name in names]
+            bases = ["%C", "%C" if found[1] else "%S"]
+            self._loop(("step", found), bases, partial(bound_lines, *found), self._table(rows))
 
 
 def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key, list[T]]]:
@@ -227,7 +191,8 @@ def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:
             f"  %p{i} = getelementptr double, ptr {bases[i]}, i64 %h{i}",
         ]
     row = f"  %row = mul i64 %at, {len(bases)}"
-    return loop_function(name, f"{_ARGUMENTS}, ptr noalias %T, i64 %count, {_TIMES}", [row, *pointers, *lines])
+    arguments = "ptr noalias %C, ptr noalias %S, ptr noalias %K, ptr noalias %T, i64 %count"
+    return loop_function(name, f"{arguments}, {_TIMES}", [row, *pointers, *lines])
 
 
 def _copy_ir(name: str) -> str:
@@ -241,50 +206,3 @@ def _copy_ir(name: str) -> str:
     ]
     arguments = "ptr noalias %to, ptr noalias %from, i64 %count, i64 %stride"
     return loop_function(name, arguments, [f"  {line}" for line in lines])
-
-
-_PAIRED = """
-define internal double @{name}(ptr noalias %values, i64 %count) noinline {{
-entry:
-  %none = icmp eq i64 %count, 0
-  br i1 %none, label %nothing, label %round
-round:
-  %left = phi i64 [ %count, %entry ], [ %fewer, %odd ]
-  %one = icmp eq i64 %left, 1
-  br i1 %one, label %done, label %begin
-begin:
-  %half = lshr i64 %left, 1
-  br label %pair
-pair:
-  %at = phi i64 [ 0, %begin ], [ %next, %pair ]
-  %first = shl i64 %at, 1
-  %second = add i64 %first, 1
-  %p = getelementptr double, ptr %values, i64 %first
-  %q = getelementptr double, ptr %values, i64 %second
-  %a = load double, ptr %p, align 8
-  %b = load double, ptr %q, align 8
-  {operation}
-  %r = getelementptr double, ptr %values, i64 %at
-  store double %c, ptr %r, align 8
-  %next = add i64 %at, 1
-  %more = icmp ult i64 %next, %half
-  br i1 %more, label %pair, label %odd
-odd:
-  %rest = and i64 %left, 1
-  %fewer = add i64 %half, %rest
-  %end = sub i64 %left, 1
-  %s = getelementptr double, ptr %values, i64 %end
-  %u = getelementptr double, ptr %values, i64 %half
-  %v = load double, ptr %s, align 8
-  store double %v, ptr %u, align 8
-  br label %round
-done:
-  %result = load double, ptr %values, align 8
-  ret double %result
-nothing:
-  ret double 0.0
-}}
-"""
-"""Reduction of all numbers in pairs of pairs (:meth:`henon_ref.jit.ir_writer.IRWriter.paired`)."""
-_LARGER = "%greater = fcmp ogt double %a, %b\n  %c = select i1 %greater, double %a, double %b"
-_SUM = "%c = fadd double %a, %b"

@@ -9,15 +9,11 @@ from __future__ import annotations
 from henon_ref.jit.ir_writer import MINUS, ONE, ZERO, IRWriter, literal
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.expansion import Expansion, function_ir
-from henon_ref.taylor.llvm.functions_of_time import SineOfTime
-from henon_ref.taylor.llvm.recurrences import Reciprocal
-from henon_ref.taylor.llvm.sums import IntegralOfForm, LinearForm
+from henon_ref.taylor.llvm.linear_forms import Form
 from henon_ref.taylor.tape import Node, Tape
 
 UNDERFLOW = 2.0**-1022
 """Largest error of an operation by underflow: a number below the smallest normal double may be lost."""
-GIVEN = ("state", "clock")
-"""Operations whose rounding is not counted in a sum, because it belongs to the given values."""
 
 
 def rounding_ir(tape: Tape, states: int, name: str) -> str:
@@ -33,8 +29,8 @@ def rounding_ir(tape: Tape, states: int, name: str) -> str:
     errors = _Errors(w, expansion)
     for at in expansion.recurrences:
         errors.add(at)
-    found = [errors.of_form(rate, given=False) for rate in expansion.rates]
-    found += [errors.of_form(target, given=True) for target in expansion.targets]
+    found = [errors.of_form(rate, given=False) for rate in expansion.forms.field]
+    found += [errors.of_form(target, given=True) for target in expansion.forms.outputs]
     for place, value in enumerate(found):
         w.store(value, "%C", place)
     return function_ir(w, name)
@@ -47,44 +43,43 @@ class _Errors:
 
     def add(self, at: int) -> None:
         """Compute the bound of a node from those of its arguments."""
-        w, node, recurrence = self.w, self.expansion.tape.nodes[at], self.expansion.recurrences[at]
-        if isinstance(recurrence, LinearForm):
-            self.bounds[at] = self.of_form(recurrence, given=False)
+        w, node = self.w, self.expansion.tape.nodes[at]
+        if at in self.expansion.forms.kept:
+            self.bounds[at] = self.of_form(self.expansion.forms.kept[at], given=False)
             return
         own = literal(UNDERFLOW)
-        if node.args and not isinstance(recurrence, SineOfTime):
+        if node.args and self.expansion.clock_of(node) is None:
             own = w.plus(self._carried(at, node), own)
         self.bounds[at] = w.call("fma", "%unit", self._size(at), own)
 
-    def of_form(self, form: LinearForm | IntegralOfForm, *, given: bool) -> str:
+    def of_form(self, form: Form, *, given: bool) -> str:
         """Bound of a sum; ``given``: the rounding of terms that are states, time or constants is not counted."""
         w, nodes = self.w, self.expansion.tape.nodes
-        factors = {leaf: self.expansion.constants.total(form.form.terms[leaf]) or ZERO for leaf in form.leaves}
-        if not form.form.constant and len(factors) == 1 and set(factors.values()) <= {ONE, MINUS}:
-            return self.bounds[form.leaves[0]]
+        factors = {leaf: self.expansion.constants.total(form.terms[leaf]) or ZERO for leaf in form.leaves()}
+        if not form.constant and len(factors) == 1 and set(factors.values()) <= {ONE, MINUS}:
+            return self.bounds[next(iter(factors))]
         total = literal(UNDERFLOW)
         for leaf, factor in factors.items():
-            if not (given and nodes[leaf].op in GIVEN):
+            if not (given and nodes[leaf].op in ("state", "clock")):
                 error = w.call("fma", "%unit", self._size(leaf), self.bounds[leaf])
                 total = w.call("fma", w.call("fabs", factor), error, total)
-        constant = None if given else self.expansion.constants.total(form.form.constant)
+        constant = None if given else self.expansion.constants.total(form.constant)
         return total if constant is None else w.call("fma", "%unit", w.call("fabs", constant), total)
 
     def _carried(self, at: int, node: Node) -> str:
         """Propagated errors of an operation's arguments."""
-        w, functions, recurrence = self.w, self.expansion.functions, self.expansion.recurrences[at]
-        rule, y = rules.RULES[node.op], self._size(at)
-        if isinstance(recurrence, Reciprocal):
-            below = w.binary("fmul", y, self.of_form(recurrence.below, given=False))
-            above = w.binary("fmul", w.call("fabs", recurrence.c or ZERO), literal(UNDERFLOW))
-            return w.call("fma", below, w.call("fabs", recurrence.inverse or ZERO), above)
+        w, made, y = self.w, self.expansion.made, self._size(at)
+        if node.op == "recip":
+            below = w.binary("fmul", y, self.of_form(self.expansion.forms.below(node.args[0]), given=False))
+            above = w.call("fabs", self.expansion.constants.value(node.constants[0]))
+            return w.call("fma", below, w.call("fabs", made.inverses[at]), w.binary("fmul", above, literal(UNDERFLOW)))
         a, b = self._size(node.args[0]), self._size(node.args[-1])
         first, second = self.bounds[node.args[0]], self.bounds.get(node.args[-1], ZERO)
-        match rule:
+        match rules.RULES[node.op]:
             case rules.Product():
                 return w.call("fma", a, second, w.binary("fmul", b, first))
             case rules.Quotient():
-                inverse = w.call("fabs", functions.inverse(self.expansion.series[node.args[-1]][0]))
+                inverse = w.call("fabs", made.inverse(self.expansion.series[node.args[-1]][0]))
                 above = w.binary("fmul", a, literal(UNDERFLOW))
                 return w.call("fma", inverse, w.call("fma", y, second, first), above)
             case rules.Root():  # as large as the root itself if its argument is zero within its error
@@ -95,9 +90,9 @@ class _Errors:
                 beside = w.call("fabs", w.binary("fsub", w.call("pow", w.plus(a, first), exponent), y))
                 part = w.binary("fdiv", w.binary("fmul", w.call("fabs", exponent), first), a)
                 return w.call("fma", y, w.smaller(part, ONE), beside)
-            case rules.IntegralOfProduct():
+            case rules.IntegralOfProduct() as rule:
                 return w.binary("fmul", self._size(rule.place(at, node.args)), first)
-            case rules.IntegralOfQuotient():
+            case rules.IntegralOfQuotient() as rule:
                 return w.binary("fdiv", first, self._size(rule.place(at, node.args)))
         raise NotImplementedError(node.op)
 

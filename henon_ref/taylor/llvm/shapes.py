@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from henon_ref.taylor.llvm.convolutions import convolved
-from henon_ref.taylor.llvm.expansion import integral_states, read_by
 from henon_ref.taylor.llvm.linear_forms import Factor, Form, Forms
 from henon_ref.taylor.rules import LINEAR, RULES, Linear, Product, Quotient
 from henon_ref.taylor.tape import INFINITE, Tape
@@ -95,25 +93,20 @@ class Shapes:
 
     def __init__(self, tape: Tape, order: int) -> None:
         self.tape, self.order = tape, order
-        forms = Forms(tape)
-        self._forms, self._kept = forms, {at: forms.of(at) for at in forms.kept}
-        field_forms = [forms.of(root) for root in tape.field]
-        outputs = [forms.of(root) for root in tape.outputs]
+        self._forms = forms = Forms(tape)
+        self.last = forms.last
         self._degrees = {self._name(at): node.degree for at, node in enumerate(tape.nodes)}
         self._integrals = {
-            -1 - i: (leaf, form.terms[leaf])
-            for i, leaf in integral_states(tape, field_forms, order).items()
-            for form in [field_forms[i]]
+            -1 - i: (leaf, forms.field[i].terms[leaf]) for i, leaf in forms.integral_states(order).items()
         }
-        self._in_vectors = set(convolved(tape, forms.denominator))
-        self.last = read_by(tape, forms, self._kept, (leaf for form in outputs for leaf in form.terms))
+        self._in_vectors = set(forms.convolved())
         self.nodes = {
-            at: self._sum("sum", self._kept[at]) if at in self._kept else self._node(at)
+            at: self._sum("sum", forms.kept[at]) if at in forms.kept else self._node(at)
             for at, node in enumerate(tape.nodes)
-            if at in self._kept or node.op not in (*LINEAR, "state")
+            if at in forms.kept or node.op not in (*LINEAR, "state")
         }
-        self.rates = [self._sum("rate", form) for form in field_forms]
-        self.outputs = [self._sum("output", form) for form in outputs]
+        self.rates = [self._sum("rate", form) for form in forms.field]
+        self.outputs = [self._sum("output", form) for form in forms.outputs]
         self.levels: dict[int, int] = {}
         for at, (shape, operands) in self.nodes.items():
             now = operands.series if shape.terms or self._reads_now(shape.op) else operands.series[:1]

@@ -12,17 +12,17 @@ from fractions import Fraction
 
 from henon_ref.jit.ir_writer import ONE, IRWriter, literal
 
-LARGEST_PHASE = 1e15
-"""Phases above this are passed to the C library: doubles of this size are an eighth apart."""
-
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 """pi/2 as an unevaluated sum of three doubles."""
 
 
 def sin_cos(w: IRWriter, high: str, low: str) -> tuple[str, str]:
-    """Sine and cosine of ``high + low`` (|low| at most a few ulps of high)."""
+    """Sine and cosine of ``high + low`` (|low| at most a few ulps of high).
+
+    Phases above 1e15 are passed to the C library: doubles of this size are an eighth apart.
+    """
     near, far, done = w.name(), w.name(), w.name()
-    within = w.emit(f"fcmp olt double {w.call('fabs', high)}, {literal(LARGEST_PHASE)}")
+    within = w.emit(f"fcmp olt double {w.call('fabs', high)}, {literal(1e15)}")
     w.lines += [f"  br i1 {within}, label %{near}, label %{far}", f"{near}:"]
     s, c = _reduced(w, high, low)
     w.lines += [f"  br label %{done}", f"{far}:"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from henon_ref.jit.ir_writer import LANES, ONE, ZERO, IRWriter, loop_function, row_length
-from henon_ref.taylor.llvm.layout import Row
 
 _VECTOR = f"<{LANES} x double>"
 
@@ -58,7 +57,9 @@ def _powers(w: IRWriter) -> tuple[str, list[str]]:
     return w.vector([ONE, "%theta", square, w.binary("fmul", square, "%theta")]), strides
 
 
-def _row(w: IRWriter, row: Row, out: Row, order: int, bound: bool, powers: str, strides: list[str]) -> None:
+def _row(
+    w: IRWriter, row: tuple[str, int], out: tuple[str, int], order: int, bound: bool, powers: str, strides: list[str]
+) -> None:
     """Store the result of one row: a state's change, or an output's lower ``bound``."""
     zero, terms = w.vector([ZERO] * LANES), []
     for v in range(row_length(order) // LANES):

@@ -14,8 +14,7 @@ from pydantic import BaseModel
 
 import henon_ref
 from henon_ref.baselines.protocol import messages
-from henon_ref.baselines.protocol.program import ProgramRun, ProgramSolver
-from henon_ref.baselines.protocol.reader import read_response
+from henon_ref.baselines.protocol.program import ProgramRun, ProgramSolver, read_response
 from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.score.errors import score
 

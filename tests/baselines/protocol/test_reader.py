@@ -16,7 +16,7 @@ from json_schema import faults
 from programs import FINE, request
 
 from henon_ref.baselines.protocol.messages import Request, Response, schema_text
-from henon_ref.baselines.protocol.reader import read_response, trajectory
+from henon_ref.baselines.protocol.program import read_response, trajectory
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.trajectory import Counts
 

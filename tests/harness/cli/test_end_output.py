@@ -15,7 +15,7 @@ from fakes import CASE, Fake
 from henon_ref.harness import registry
 from henon_ref.harness.cli.compare_cases import Failing, case_line, document, failing, failing_line, print_end
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.score.standing import standings, tightest
+from henon_ref.harness.score.ranking import standings, tightest
 from henon_ref.text import LONGEST_LINE
 
 HOSTILE = "[red]hot[/red] :smile:\n\x1b[31m\x9b1m" + "x" * 5000

@@ -18,7 +18,7 @@ from henon_ref.harness.cli.gate import command, read_known
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.result_files import read_rows, rows_text
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.score.row_result import KnownFailure
+from henon_ref.harness.score.gate import KnownFailure
 
 GATE = {"henon": replace(case().readings[0].gate["henon"], at=1e-6, max_time_error=1e-5)}
 FAILS = "scipy-sign"

@@ -19,8 +19,7 @@ from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, Record, record
 from henon_ref.harness.cli.compare import command
-from henon_ref.harness.figures.cost import draw_cost
-from henon_ref.harness.figures.errors import draw_errors
+from henon_ref.harness.figures import draw_cost, draw_errors
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance

@@ -17,9 +17,9 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.text.choice import case_table, choice_table, commits, coverage_sentence, frequency_table
 from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix, rows_of_report, summary, updated
-from henon_ref.harness.report.text.ranking import LEVELS
 from henon_ref.harness.result_files import read_rows, rows_text
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.score.ranking import LEVELS
 
 
 def named(name: str, comparison: Comparison | None = None) -> Comparison:

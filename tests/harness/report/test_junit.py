@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 from henon_ref.harness.report.text.gate import MOST_ROWS, junit_xml, step_summary
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.score.row_result import row_result
+from henon_ref.harness.score.gate import row_result
 
 EVIL = "]]><testcase/>&amp;\x00\x1b[31m\x9b\ud800\uffff\u202e\r\n\"' | `x` <img src=//evil.example/x.png>"
 
@@ -28,7 +28,7 @@ ROWS = [
 
 
 def parsed(rows) -> ElementTree.Element:
-    return ElementTree.fromstring(junit_xml([(own, row_result(own)) for own in rows]))
+    return ElementTree.fromstring(junit_xml([(own, *row_result(own)) for own in rows]))
 
 
 def test_the_document_is_as_the_schema_of_jenkins_xunit_plugin_has_it():
@@ -65,12 +65,12 @@ def test_a_test_case_is_named_by_case_reading_solver_and_setting():
 
 def test_a_strangers_text_is_text():
     rows = [row(EVIL, reading=EVIL, status="wrong", verdict="solver defect", status_reason=EVIL, verdict_basis=EVIL)]
-    written = junit_xml([(own, row_result(own)) for own in rows]).decode()
+    written = junit_xml([(own, *row_result(own)) for own in rows]).decode()
     assert not {c for c in written if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn")} - {"\n"}
     (case,) = ElementTree.fromstring(written).iter("testcase")
     assert "]]><testcase/>&amp;" in case.get("name")
     assert "]]><testcase/>&amp;" in case.find("failure").text
-    summary = step_summary([(own, row_result(own)) for own in rows], [EVIL])
+    summary = step_summary([(own, *row_result(own)) for own in rows], [EVIL])
     assert "<img" not in summary
     assert not {c for c in summary if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn")} - {"\n"}
 
@@ -78,7 +78,7 @@ def test_a_strangers_text_is_text():
 def test_a_summary_counts_what_it_does_not_show():
     rows = [row("ida", status="wrong", verdict="solver defect", rtol=1 / n) for n in range(2, MOST_ROWS + 5)]
     lines = step_summary(
-        [(own, row_result(own)) for own in [*rows, row("henon", digits=9.27)]], ["a"] * 60
+        [(own, *row_result(own)) for own in [*rows, row("henon", digits=9.27)]], ["a"] * 60
     ).splitlines()
     assert lines[0] == "## henon_ref"
     assert f"| `ida` | 0 | {MOST_ROWS + 3} | 0 | 0 |  |" in lines

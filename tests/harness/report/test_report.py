@@ -27,16 +27,15 @@ from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.cli import check
-from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.figure_jobs import drawn
+from henon_ref.harness.report.case_report import report_text, write_report
+from henon_ref.harness.report.svg import draw_figures
 from henon_ref.harness.report.text.gate import gate_table, why_unchecked
-from henon_ref.harness.report.text.markdown import report_text
 from henon_ref.harness.report.text.model import mode_equations
-from henon_ref.harness.report.text.ranking import LEVELS, cheapest
 from henon_ref.harness.report.text.tables import price_table, run_table
 from henon_ref.harness.result_files import csv_text, read_rows, rows_text
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Gate
+from henon_ref.harness.score.ranking import LEVELS, cheapest
 from henon_ref.modes.latex import latex, symbol
 from henon_ref.trajectory import Samples
 from henon_ref.workers.worker import WorkerState
@@ -140,10 +139,10 @@ def test_a_gate_of_one_bound_that_was_not_checked_says_why():
 
 def test_the_stick_of_static_friction_says_when_it_is_entered():
     static = load_case(Path(__file__).parents[3] / "cases" / "static_belt.yaml").readings[0].problem.system
-    assert any(note.startswith("entered whenever") for note in mode_equations(static, (0,)).notes)
-    assert not any(note.startswith("entered") for note in mode_equations(static, (1,)).notes)
+    assert any(note.startswith("entered whenever") for note in mode_equations(static, (0,))[2])
+    assert not any(note.startswith("entered") for note in mode_equations(static, (1,))[2])
     plain = compared().readings[0].reading.problem.system
-    assert not any(note.startswith("entered") for note in mode_equations(plain, (0,)).notes)
+    assert not any(note.startswith("entered") for note in mode_equations(plain, (0,))[2])
 
 
 def test_formulas_keep_the_names_a_reader_expects():
@@ -174,9 +173,8 @@ def test_csv_reads_back_the_same():
 def figures(comparison: Comparison, **changes: object) -> dict[str, bytes]:
     times = np.linspace(1.0, 5.0, 81)
     samples = Samples(times, np.sin(times)[:, None], None)
-    result, records = comparison.readings[0], tuple(comparison.records)
-    given = {"reading": result.reading, "expected": result.expected, "samples": samples, "records": records}
-    return drawn(WorkerState(lambda kind, value: None), **given | changes)
+    given = {"result": replace(comparison.readings[0], samples=samples), "records": comparison.records}
+    return draw_figures(WorkerState(lambda kind, value: None), **given | changes)
 
 
 def test_figures_are_the_same_bytes_for_the_same_data(comparison):
@@ -196,11 +194,14 @@ def test_only_the_cost_figure_changes_where_nothing_but_timings_did(comparison):
 
 
 def test_figures_stand_any_lack_of_data(comparison):
-    assert figures(comparison, expected=None) == {}
-    empty = figures(comparison, samples=None, records=())
-    assert empty == {}
-    nothing = Samples(np.array([1.0, 2.0]), np.full((2, 1), np.nan), None)
-    assert "default_modes.svg" not in figures(comparison, samples=nothing)
+    result = comparison.readings[0]
+    times = np.array([1.0, 2.0])
+    samples = Samples(times, np.ones((2, 1)), None)
+    without_truth = replace(result, statement=replace(result.statement, expected=None), samples=samples)
+    assert figures(comparison, result=without_truth) == {}
+    assert figures(comparison, result=replace(result, samples=None), records=[]) == {}
+    nothing = Samples(times, np.full((2, 1), np.nan), None)
+    assert "default_modes.svg" not in figures(comparison, result=replace(result, samples=nothing))
     one = (made("henon", 1e-12, 1e-4),)
     assert set(figures(comparison, records=one)) == {"default_modes.svg", "default_errors.svg"}
     failed = (made("ida", 1e-6, 0.0, what="unavailable"),)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import pytest
 from fakes import Reference, expected
 
-from henon_ref.harness.score.kinds import CLOSE, KINDS, kind_of
+from henon_ref.harness.score.reference import CLOSE, KINDS, kind_of
 
 
 @dataclass

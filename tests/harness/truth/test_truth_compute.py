@@ -14,7 +14,7 @@ from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import Case, Reading, parse_case
 from henon_ref.harness.truth import compute, store
-from henon_ref.harness.truth.closed_forms import with_closed_forms
+from henon_ref.harness.truth.proofs import with_closed_forms
 from henon_ref.harness.truth.reference import ReferenceTransition, Route, Truth, TruthError
 
 

@@ -12,9 +12,9 @@ from urllib.parse import quote
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import REPORT
 from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, solvers_of
-from henon_ref.harness.report.text.ranking import LEVELS, by_solver, grouped, readings_of
 from henon_ref.harness.rows import number
-from henon_ref.harness.score.kinds import KINDS
+from henon_ref.harness.score.ranking import LEVELS, by_solver, grouped, readings_of
+from henon_ref.harness.score.reference import KINDS
 from henon_ref.harness.table import Table, count, digits, duration, significant
 from henon_ref.text import code, markdown
 
@@ -22,18 +22,6 @@ ANY = None
 """Used instead of a number of digits: the run must be right, with any number of digits."""
 UNKNOWN = "kind not known"
 """Kind of a reading whose report does not name it."""
-AS_MANY = 0.9
-"""Fraction of the largest number of readings from which a solver counts as reaching equally many."""
-HEADINGS = (
-    ("kind of case", "l"), ("readings", "r"), ("solver", "l"), ("success", "r"), ("time", "r"), ("other package", "l"),
-    ("success", "r"), ("times as long", "r"),
-)  # fmt: skip
-"""Columns of the page, with their alignment."""
-CAPTION = (
-    "Fastest of the solvers that obtain {} in the most readings (or in up to a tenth fewer), and best solver of all "
-    "other packages. Success: number of these readings. Readings: for digits, those with a transition time, of all. "
-    "Times are medians"
-)
 Key = tuple[str, str]
 """Case and reading."""
 
@@ -73,36 +61,25 @@ def _reaches(rows: Iterable[MatrixRow], level: int | None) -> tuple[list[Reach],
 
 
 def reaches(rows: Sequence[MatrixRow], level: int | None) -> list[Reach]:
-    """Return the solvers that reach a number of digits in about as many readings as the best one, fastest first."""
+    """Return the solvers that reach a number of digits in the most readings, or a tenth fewer, fastest first."""
     every, fastest = _reaches(rows, level)
-    least = max(1, AS_MANY * max((len(reach.walls) for reach in every), default=0))
+    least = max(1, 0.9 * max((len(reach.walls) for reach in every), default=0))
     found = [reach for reach in every if len(reach.walls) >= least]
     return sorted(found, key=lambda reach: (reach.against(fastest) or 1.0, -len(reach.walls)))
 
 
-@dataclass(frozen=True)
-class Choice:
-    """Recommended solver, and the best solver of all other packages."""
+def choice(rows: Sequence[MatrixRow], level: int | None) -> tuple[Reach | None, Reach | None, str]:
+    """Choose the solver for a number of digits, and the best one of all other packages; None if there is none.
 
-    first: Reach
-    other: Reach | None
-    times: float | None
-    """Time of the other solver relative to the first."""
-
-    @property
-    def longer(self) -> str:
-        """Relative time with two digits; empty if unknown."""
-        return "" if self.times is None else significant(self.times, 2)
-
-
-def choice(rows: Sequence[MatrixRow], level: int | None) -> Choice | None:
-    """Choose solvers of two different packages for a number of digits; None if no solver reaches it."""
-    found = reaches(rows, level)
-    if not found:
-        return None
-    own = package_of(found[0].solver)
-    others = reaches([row for row in rows if package_of(row.solver) != own], level)
-    return Choice(found[0], others[0], others[0].against(found[0].walls)) if others else Choice(found[0], None, None)
+    The last value is the time of the latter relative to the former, with two digits; empty if unknown.
+    """
+    first = next(iter(reaches(rows, level)), None)
+    if first is None:
+        return None, None, ""
+    own = package_of(first.solver)
+    other = next(iter(reaches([row for row in rows if package_of(row.solver) != own], level)), None)
+    times = None if other is None else other.against(first.walls)
+    return first, other, "" if times is None else significant(times, 2)
 
 
 def package_of(solver: str) -> str:
@@ -120,15 +97,13 @@ def choice_table(rows: Sequence[MatrixRow]) -> Table:
     for kind, own in by_kind(rows).items():
         every, timed = (len(readings_for(own, level)) for level in (ANY, LEVELS[0]))
         readings = f"{every}, {timed} timed" if 0 < timed < every else f"{every}"
-        lines.append((kind, readings, *(_choice_cell(choice(own, level)) for level in columns.values())))
+        lines.append((kind, readings, *(_choice_cell(*choice(own, level)) for level in columns.values())))
     return Table(("kind of case", "readings", *columns), "lr" + "l" * len(columns), lines)
 
 
-def _choice_cell(found: Choice | None) -> str:
-    if found is None:
-        return ""
-    words = "; ".join(f"{code(own.solver)} {len(own.walls)}" for own in (found.first, found.other) if own)
-    return f"{words} (×{found.longer})" if found.longer else words
+def _choice_cell(first: Reach | None, other: Reach | None, longer: str) -> str:
+    words = "; ".join(f"{code(own.solver)} {len(own.walls)}" for own in (first, other) if own is not None)
+    return f"{words} (×{longer})" if longer else words
 
 
 def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dict[str, Any]]:
@@ -143,7 +118,9 @@ def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dic
         {
             "digits": level or 0,
             "wanted": words,
-            "caption": CAPTION.format(words),
+            "caption": f"Fastest of the solvers that obtain {words} in the most readings (or in up to a tenth fewer), "
+            "and best solver of all other packages. Success: number of these readings. Readings: for digits, those "
+            "with a transition time, of all. Times are medians",
             "rows": choice_rows(rows, level),
             "groups": [_group(f"For {words}, {kind}", own, level, solvers) for kind, own in groups.items()],
         }
@@ -152,32 +129,31 @@ def choice_levels(rows: Sequence[MatrixRow], solvers: Sequence[str]) -> list[dic
 
 
 def choice_rows(rows: Sequence[MatrixRow], level: int | None) -> list[tuple[str, ...]]:
-    """Return one row per kind of case, with the columns :data:`HEADINGS`."""
+    """Return one row per kind of case, for the first table of the page."""
     made: list[tuple[str, ...]] = []
     for kind, own in by_kind(rows).items():
         every, counted = readings_for(own, ANY), readings_for(own, level)
         readings = f"{len(every)}" if every == counted else f"{len(counted)} of {len(every)}"
-        found = choice(own, level)
-        cells = ["none", "", "", "", "", ""]
-        if found is not None:
-            first, other = found.first, found.other
+        first, other, longer = choice(own, level)
+        cells = ["none", "", "", "", "", f"×{longer}" if longer else ""]
+        if first is not None:
             cells[:3] = first.solver, f"{len(first.walls)}", duration(median(first.walls.values()))
-            cells[3:5] = (other.solver, f"{len(other.walls)}") if other else ("", "")
-            cells[5] = f"×{found.longer}" if found.longer else ""
+        if other is not None:
+            cells[3:5] = other.solver, f"{len(other.walls)}"
         made.append((kind, readings, *cells))
     return made
 
 
 def _group(requirement: str, rows: Sequence[MatrixRow], level: int | None, solvers: Sequence[str]) -> dict[str, Any]:
     """Return the answer in words, and a bar per solver, for some readings."""
-    counted, found = readings_for(rows, level), choice(rows, level)
+    counted, (first, other, longer) = readings_for(rows, level), choice(rows, level)
     readings = count(len(counted), "reading") + ("" if level is ANY else " with a transition time")
     answer = "no solver obtains this"
-    if found is not None:
-        answer = f"{found.first.solver} (in {len(found.first.walls)} of {readings})"
-        if found.other is not None:
-            longer = f", {found.longer} times as long" if found.longer else ""
-            answer += f"; best of all other packages: {found.other.solver} (in {len(found.other.walls)}{longer})"
+    if first is not None:
+        answer = f"{first.solver} (in {len(first.walls)} of {readings})"
+    if other is not None:
+        times = f", {longer} times as long" if longer else ""
+        answer += f"; best of all other packages: {other.solver} (in {len(other.walls)}{times})"
     bars = _bars([row for row in rows if row.judged and row.problem in counted], level, solvers)
     return {"answer": f"{requirement}: {answer}.", "readings": readings, "all": len(counted), "bars": bars}
 

@@ -6,11 +6,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 
-from henon_ref.harness.report.text.ranking import grouped, right
 from henon_ref.harness.result_files import csv_field
 from henon_ref.harness.rows import RunRow, number
-from henon_ref.harness.score.gate import Demand, Gate
-from henon_ref.harness.score.row_result import Kind, RowResult
+from henon_ref.harness.score.gate import Demand, Gate, RowKind
+from henon_ref.harness.score.ranking import grouped, right
 from henon_ref.harness.table import Table, digits, listing, setting
 from henon_ref.text import code, markdown, short_line
 
@@ -73,10 +72,11 @@ OUTPUT = (
     "spurious",
 )  # fmt: skip
 """Columns in the output of a test case."""
-_ELEMENTS: dict[Kind, str] = {"failure": "failure", "error": "error", "skipped": "skipped", "known": "skipped"}
+_ELEMENTS: dict[RowKind, str] = {"failure": "failure", "error": "error", "skipped": "skipped", "known": "skipped"}
 MOST_ROWS = 50
 """Largest number of rows in the summary of a GitHub step, which is limited to 1 MiB."""
-Results = Sequence[tuple[RunRow, RowResult]]
+Results = Sequence[tuple[RunRow, RowKind, str]]
+"""Rows, each with its result and the reason why it has not passed."""
 
 
 def junit_xml(results: Results) -> bytes:
@@ -87,36 +87,36 @@ def junit_xml(results: Results) -> bytes:
     reason.
     """
     root = ElementTree.Element("testsuites", {"name": "henon_ref", **_counts(results)})
-    for case, own in grouped(results, lambda pair: pair[0].case).items():
-        skipped = sum(_ELEMENTS.get(result.kind) == "skipped" for _, result in own)
+    for case, own in grouped(results, lambda entry: entry[0].case).items():
+        skipped = sum(_ELEMENTS.get(kind) == "skipped" for _, kind, _ in own)
         names = {"name": short_line(case), "skipped": str(skipped)}
         suite = ElementTree.SubElement(root, "testsuite", names | _counts(own))
-        for row, result in own:
-            _test_case(suite, row, result)
+        for row, kind, reason in own:
+            _test_case(suite, row, kind, short_line(reason))
     ElementTree.indent(root)
     written: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return written + b"\n"
 
 
 def _counts(results: Results) -> dict[str, str]:
-    kinds = Counter(_ELEMENTS.get(result.kind) for _, result in results)
+    kinds = Counter(_ELEMENTS.get(kind) for _, kind, _ in results)
     return {
         "tests": str(len(results)),
         "failures": str(kinds["failure"]),
         "errors": str(kinds["error"]),
-        "time": f"{sum(row.wall_s or 0.0 for row, _ in results):.3f}",
+        "time": f"{sum(row.wall_s or 0.0 for row, _, _ in results):.3f}",
     }
 
 
-def _test_case(suite: ElementTree.Element, row: RunRow, result: RowResult) -> None:
+def _test_case(suite: ElementTree.Element, row: RunRow, kind: RowKind, reason: str) -> None:
     names = {
         "classname": short_line(f"{row.case}.{row.reading}"),
         "name": short_line(row.label),
         "time": f"{row.wall_s or 0.0:.3f}",
     }
     case = ElementTree.SubElement(suite, "testcase", names)
-    if result.kind != "passed":
-        element, reason = _ELEMENTS[result.kind], short_line(result.reason)
+    if kind != "passed":
+        element = _ELEMENTS[kind]
         what = {"message": reason} if element == "skipped" else {"message": reason, "type": row.status}
         ElementTree.SubElement(case, element, what).text = reason
     known = zip(OUTPUT, row.values(OUTPUT), strict=True)
@@ -126,10 +126,14 @@ def _test_case(suite: ElementTree.Element, row: RunRow, result: RowResult) -> No
 
 def step_summary(rows: Results, lines: Sequence[str]) -> str:
     """Format a table of the solvers, a table of the failing rows, and the messages of the command as markdown."""
-    failing = [(row, result) for row, result in rows if result.kind in ("failure", "error")]
+    failing = [(row, kind, reason) for row, kind, reason in rows if kind in ("failure", "error")]
     parts = ["## henon_ref", _solvers(rows).markdown]
     if failing:
-        parts += ["### Failures", _failures(failing[:MOST_ROWS]).markdown]
+        cells = [
+            (code(row.case), code(row.reading), code(row.solver), row.setting, markdown(reason))
+            for row, _, reason in failing[:MOST_ROWS]
+        ]
+        parts += ["### Failures", Table(("case", "reading", "solver", "setting", "reason"), "lllrl", cells).markdown]
     if len(failing) > MOST_ROWS:
         parts.append(f"{len(failing) - MOST_ROWS} more are in `runs.csv`.")
     items = [f"- {markdown(line)}" for line in lines[:MOST_ROWS]]
@@ -139,18 +143,10 @@ def step_summary(rows: Results, lines: Sequence[str]) -> str:
 
 def _solvers(rows: Results) -> Table:
     table = []
-    for solver, own in grouped(rows, lambda pair: pair[0].solver).items():
-        kinds = Counter(result.kind for _, result in own)
-        best = max((row.digits for row in right([row for row, _ in own])), default=None, key=number)
+    for solver, own in grouped(rows, lambda entry: entry[0].solver).items():
+        kinds = Counter(kind for _, kind, _ in own)
+        best = max((row.digits for row in right([row for row, _, _ in own])), default=None, key=number)
         counts = (kinds["passed"], kinds["failure"] + kinds["error"], kinds["known"], kinds["skipped"])
         table.append((code(solver), *map(str, counts), digits(best)))
     headings = ("solver", "right", "fail", "fail as expected", "not run or not decidable", "most digits")
     return Table(headings, "lrrrrr", table)
-
-
-def _failures(rows: Results) -> Table:
-    cells = [
-        (code(row.case), code(row.reading), code(row.solver), row.setting, markdown(result.reason))
-        for row, result in rows
-    ]
-    return Table(("case", "reading", "solver", "setting", "reason"), "lllrl", cells)

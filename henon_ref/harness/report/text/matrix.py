@@ -15,14 +15,11 @@ from typing import Any
 
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS
-from henon_ref.harness.report.text.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
+from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS, mapping
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
 from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
 from henon_ref.text import message
-
-SHORT = 12
-"""Length of an abbreviated commit, as in a report [characters]."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class MatrixRow(Row):
     case: str
     reading: str
     kind: str | None
-    """Kind of the reading (:mod:`henon_ref.harness.score.kinds`)."""
+    """Kind of the reading (:mod:`henon_ref.harness.score.reference.kind_of`)."""
     solver: str
     settings: int = 0
     """Number of settings tried."""
@@ -114,11 +111,6 @@ def read_report(folder: Path) -> tuple[Mapping[str, Any], list[RunRow]]:
     return content, _rows(RunRow, folder / RUNS, "list of runs")
 
 
-def mapping(value: object) -> Mapping[str, Any]:
-    """Return a value from a file if it is a mapping, else an empty one."""
-    return value if isinstance(value, dict) else {}
-
-
 def _text(value: object) -> str | None:
     return value if isinstance(value, str) and value else None
 
@@ -142,7 +134,7 @@ def rows_of_report(folder: Path) -> tuple[list[MatrixRow], list[str]]:
     """Make the rows of the matrix for one case from the folder of its report; return them and all its readings."""
     manifest, runs = read_report(folder)
     commit, readings = _text(manifest.get("commit")) or "", mapping(manifest.get("readings"))
-    commit = commit.rstrip("+")[:SHORT] + ("+" if commit.endswith("+") else "")  # + marks a modified checkout
+    commit = commit.rstrip("+")[:12] + ("+" if commit.endswith("+") else "")  # + marks a modified checkout
     kinds = {reading: _text(mapping(own).get("kind")) for reading, own in readings.items()}  # None in old manifests
     rows = [
         replace(summary(own, kind=kinds.get(reading), commit=commit), case=folder.name)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from math import log2
-from typing import NamedTuple
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.comparison import ReadingResult
-from henon_ref.harness.report.text.ranking import grouped
+from henon_ref.harness.score.ranking import grouped
 from henon_ref.harness.table import Table
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import order_for
+from henon_ref.jit.ir_writer import count
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.latex import (
     MOST_MODES,
@@ -29,20 +29,9 @@ from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.resets import REMAINING, impact_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system.assembly import Scene
-from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 from henon_ref.text import markdown
-
-
-class ModeText(NamedTuple):
-    """Equations of one mode."""
-
-    title: str
-    equations: str
-    """LaTeX of the field."""
-    notes: list[str]
-    """LaTeX of equivalent signs and of the guards that end a sliding mode."""
 
 
 def model_text(result: ReadingResult) -> str:
@@ -52,8 +41,8 @@ def model_text(result: ReadingResult) -> str:
     blocks += [_displayed(general_form(system)), _listed(as_written(system))]
     blocks.append(_listed([*kink_notes(system), *reset_notes(system)]))
     for mode in modes_of(result):
-        text = mode_equations(system, mode)
-        blocks += [f"{text.title}:", _displayed(text.equations), _listed(text.notes)]
+        title, equations, notes = mode_equations(system, mode)
+        blocks += [f"{title}:", _displayed(equations), _listed(notes)]
     return "\n\n".join(filter(None, blocks))
 
 
@@ -114,16 +103,17 @@ def modes_of(result: ReadingResult) -> list[Mode]:
     return list(visited)[:MOST_MODES]
 
 
-def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
+def mode_equations(system: FilippovSystem, mode: Mode) -> tuple[str, str, list[str]]:
+    """Return the title of a mode, its field as LaTeX, and notes on equivalent signs and the ends of sliding."""
     title = f"{'Stick' if 0 in mode else 'Slip'}, `{mode_text(mode, system.sign_names)}`"
     try:
         equations = system.equations(mode)
     except ModelError as error:
-        return ModeText(title, "", [markdown(str(error))])
+        return title, "", [markdown(str(error))]
     releases = [guard for guard in equations.guards if guard.kind == "release"]
     shown = [*equations.field, *equations.equivalent_signs.values(), *(guard.expression for guard in releases)]
     if not (few(shown) and all(map(printable, shown))):
-        return ModeText(title, "", [f"its equations are {TOO_LONG}"])
+        return title, "", [f"its equations are {TOO_LONG}"]
     signs = [symbol(sign.name) for sign in system.signs]
     notes = [f"equivalent sign ${signs[k]} = {latex(value)}$" for k, value in equations.equivalent_signs.items()]
     for guard in releases:
@@ -132,7 +122,7 @@ def mode_equations(system: FilippovSystem, mode: Mode) -> ModeText:
     held = "entered whenever the surface is reached while these guards are positive, whatever the slip fields"
     notes += [held for index, entry in enumerate(mode) if entry == 0 and system.held_inside(index)]
     lines = [derivative(x, f) for x, f in zip(system.states, equations.field, strict=True)]
-    return ModeText(title, aligned(lines), notes)
+    return title, aligned(lines), notes
 
 
 def parameters(result: ReadingResult) -> list[str]:
@@ -158,11 +148,6 @@ def _value(value: sp.Expr) -> str:
 
 MOST_ROWS = 24
 """Largest number of connections with one row each; beyond it there is one row per kind."""
-HEADINGS = ("effect", "operations", "floating-point operations a step", "of all")
-EXPLAINED = (
-    "Operations saved if the effect is left out: on the tape of slip, and in the machine code of one Taylor expansion "
-    "of order {order}. Operations shared by two effects count for neither."
-)
 
 
 def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
@@ -178,7 +163,11 @@ def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
         saved, floating = whole[0] - rest[0], whole[1] - rest[1]
         rows.append((f"`{label}`", str(saved), str(floating), f"{100 * floating / whole[1]:.0f} %"))
     rows.append(("*all*", str(whole[0]), str(whole[1]), "100 %"))
-    return Table(HEADINGS, "lrrr", rows), EXPLAINED.format(order=order)
+    explained = (
+        "Operations saved if the effect is left out: on the tape of slip, and in the machine code of one Taylor "
+        f"expansion of order {order}. Operations shared by two effects count for neither."
+    )
+    return Table(("effect", "operations", "floating-point operations a step", "of all"), "lrrr", rows), explained
 
 
 def _effects(scene: Scene) -> list[tuple[str, list[int]]]:

@@ -9,7 +9,8 @@ from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
 from henon_ref.harness.report.text.matrix import MatrixRow, solvers_of, summary
-from henon_ref.harness.report.text.ranking import (
+from henon_ref.harness.rows import NOT_RUN, UNDECIDED, UNJUDGED, Key, RunRow, StickRow, number
+from henon_ref.harness.score.ranking import (
     LEVELS,
     WholeRow,
     best_setting,
@@ -20,13 +21,10 @@ from henon_ref.harness.report.text.ranking import (
     most_accurate,
     right,
 )
-from henon_ref.harness.rows import NOT_RUN, UNDECIDED, UNJUDGED, Key, RunRow, StickRow, number
 from henon_ref.harness.table import Table, count, digits, duration, error, significant
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
 
-MOST_STICKS = 12
-"""Largest number of sticks shown for a reading; sticks.csv has all."""
 MARK = "†"
 """Mark after a time whose samples scatter too much."""
 SOLVERS = ("solver", "digits", "time", "times as long", "setting", "right", "note")
@@ -46,7 +44,11 @@ def solver_table(records: Sequence[Record]) -> Table:
     come first, sorted by time, followed by the solvers that are not right and those that did not run.
     """
     samples, solvers = samples_of(records), by_solver(record.run for record in records)
-    best = {solver: _best(own) for solver, own in solvers.items()}
+    # If no right row has digits (no transitions), the last right row.
+    best = {
+        solver: most_accurate(right(own)) or next((row for row in reversed(own) if row.verdict == "right"), None)
+        for solver, own in solvers.items()
+    }
     walls = {solver: row.wall_s for solver, row in best.items() if row is not None and row.wall_s}
     ranked = sorted(solvers, key=lambda solver: (_rank(best[solver], solvers[solver]), walls.get(solver, 0.0)))
     lines = [
@@ -59,7 +61,7 @@ def solver_table(records: Sequence[Record]) -> Table:
 
 
 def whole_table(whole: Sequence[WholeRow], judged: int) -> Table:
-    """Make the table of solvers over all readings of a case with a truth; ``whole`` is from :func:`.ranking.over_all`.
+    """Make the table of solvers over all readings of a case with a truth; ``whole`` is from :func:`over_all`.
 
     A row shows the setting at which a solver is right in the most readings, and its total time if it is right in all.
     Other settings that are right in equally many readings are listed in the note.
@@ -84,12 +86,6 @@ def _solver_line(
     time = timed(row, samples) if solver in walls else ""
     longer = significant(walls[solver] / min(walls.values())) if solver in walls and len(walls) > 1 else ""
     return code(solver), digits(row.digits), time, longer, row.setting, at, note
-
-
-def _best(rows: Sequence[RunRow]) -> RunRow | None:
-    """Return the most accurate right row of one solver; if no row has digits (no transitions), the last right row."""
-    good = [row for row in rows if row.verdict == "right"]
-    return most_accurate(right(good)) or (good[-1] if good else None)
 
 
 def _rank(best: RunRow | None, rows: Sequence[RunRow]) -> int:
@@ -149,9 +145,6 @@ def _priced(row: RunRow | None, samples: Samples) -> tuple[str, str, str]:
     return ("none", "", "") if row is None else (code(row.solver), row.setting, timed(row, samples))
 
 
-_MARKS = {"unsupported": "–", "unavailable": "·"}
-
-
 def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
     """Make the table of the digits that each solver reaches on each reading, or of its status."""
     solvers = solvers_of(row for rows in readings.values() for row in rows)
@@ -170,7 +163,7 @@ def _digits(row: MatrixRow) -> str:
     if row.verdict in UNDECIDED:
         return str(row.verdict)
     if row.status in NOT_RUN or row.status == "timeout":
-        return _MARKS.get(row.status, row.status)
+        return {"unsupported": "–", "unavailable": "·"}.get(row.status, row.status)
     return "not judged" if row.verdict in (None, *UNJUDGED) else row.status  # "ok" does not mean right here
 
 
@@ -258,7 +251,7 @@ def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | Non
         length = f"length in {code(system.state_names[0])}{_unit(result)}"
         headings += [f"error of {code(best.run.solver)} [s]", length]
     rows = []
-    for index, stick in enumerate(exact[:MOST_STICKS]):
+    for index, stick in enumerate(exact[:12]):  # sticks.csv has all
         cells = [f"{index}", system.sign_names[stick.surface], f"{stick.start:.9f}", f"{stick.duration:.13f}"]
         if best is not None:
             row = own.get(index)

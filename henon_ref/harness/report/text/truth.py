@@ -16,8 +16,6 @@ from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
 
 HEADINGS = ("truth", "value", "note")
-DEPENDENT = ("henon", "heyoka")
-"""Name prefixes of solvers that share code with a truth: its library, or the rule that selects its modes."""
 
 
 def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
@@ -54,8 +52,12 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
 
 
 def _confirms(run: RunRow) -> bool:
-    """Check whether a run of an independent library has exactly the transitions and modes of the truth."""
-    return run.status == "ok" and not run.missed and not run.spurious and not run.solver.startswith(DEPENDENT)
+    """Check whether a run of an independent library has exactly the transitions and modes of the truth.
+
+    The truth shares the rule that selects its modes with ``henon``, and its library with ``heyoka``.
+    """
+    dependent = run.solver.startswith(("henon", "heyoka"))
+    return run.status == "ok" and not run.missed and not run.spurious and not dependent
 
 
 def no_truth(result: ReadingResult) -> str:
@@ -88,10 +90,6 @@ def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
     return (f"{statement.proven} of {number}" if statement.proven else "no"), why
 
 
-MOST_RUNS = 3
-"""Largest number of named runs that have the printed digits."""
-
-
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
     """Make the table of printed stick durations, each with the exact last stick of its kind, and with agreeing runs."""
     reading, expected = result.reading, result.expected
@@ -99,7 +97,7 @@ def published_table(records: Sequence[Record], result: ReadingResult) -> Table |
     if not printed or expected is None:
         return None
     exact = _last_sticks(expected, printed, reading.measure_after)
-    runs = [record for record in records if _has_printed_digits(record, printed)][:MOST_RUNS]
+    runs = [record for record in records if _has_printed_digits(record, printed)][:3]
     lines = []
     for value in printed:
         cells, note = ("", "", ""), ""

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import sympy as sp
 
-from henon_ref.analysis.tangent import SurfaceCoordinate
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.figures.motion import Motion, motion_of
 from henon_ref.harness.studies.page import shipped_problem
@@ -31,9 +30,9 @@ X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)
 M, K1, K2, MU0, VP, A, W, DELTA = sp.symbols("m k1 k2 mu0 vp A w delta", real=True)
 V = X2 - VP
 BASE = A * sp.sin(W * TIME)
-POSITION = SurfaceCoordinate(Z, X1)
+POSITION = X1
 """Sec. 2: the coordinate on the surface is x1."""
-STRETCH = SurfaceCoordinate(Z, X1 - BASE)
+STRETCH = X1 - BASE
 """Sec. 4: the coordinate on the surface is z, the spring's stretch."""
 
 Values = Mapping[sp.Symbol, sp.Expr]

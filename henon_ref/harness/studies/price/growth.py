@@ -19,8 +19,7 @@ from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, in_fresh_process
 from henon_ref.harness.table import Table, duration, error
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.problem import Problem

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 
 from henon_ref.casefile.case import Case
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
+from henon_ref.figures.style import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
-from henon_ref.harness.figures.labels import label_column
-from henon_ref.harness.report.text.ranking import LEVELS, by_solver, reaching, readings_of, right
+from henon_ref.harness.figures import label_column
 from henon_ref.harness.rows import Row, RunRow, number
+from henon_ref.harness.score.ranking import LEVELS, by_solver, reaching, readings_of, right
 from henon_ref.harness.studies.page import rows_of, title
 from henon_ref.harness.studies.pairs import FIRST, SECOND, PairedTiming, PairRow, TimedPair, bound, pairs_of, time_pairs
 from henon_ref.harness.studies.price.measure import draw_line

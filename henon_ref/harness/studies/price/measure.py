@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from henon_ref.figures import style
-from henon_ref.figures.description import describe
+from henon_ref.figures.style import describe
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.system import System

@@ -11,12 +11,11 @@ import sympy as sp
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.report.text.model import mode_tape
 from henon_ref.harness.rows import Row
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.prepared_run import order_for
+from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import run_to_horizon
+from henon_ref.jit.ir_writer import count
 from henon_ref.modes.problem import Problem
-from henon_ref.taylor.llvm.count import count
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
 from henon_ref.trajectory import Trajectory

@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from henon_ref.harness.report.manifest import Provenance
-from henon_ref.harness.report.text.ranking import readings_of
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.score.ranking import readings_of
 from henon_ref.harness.studies.page import shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
 from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table

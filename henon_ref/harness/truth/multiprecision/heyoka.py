@@ -29,11 +29,6 @@ def to_real(value: arb, bits: int) -> Any:
     return hy.real(value.mid().str(decimal_digits(bits), radius=False), bits)
 
 
-def real_constants(bits: int) -> Number:
-    """Function that converts exact numbers to heyoka constants of a precision in bits."""
-    return lambda number: hy.expression(exact_real(number, bits))
-
-
 class RealParameters:
     """Conversion of exact numbers to heyoka's run-time parameters, and of integers to constants.
 
@@ -49,7 +44,6 @@ class RealParameters:
         self._expressions: dict[sp.Expr, Any] = {}
         """Parameter of each number, and of each product or sum of numbers and switches."""
         self._bits = bits
-        self._constant = real_constants(bits)
         self._known: dict[tuple[sp.Expr, frozenset[tuple[sp.Symbol, sp.Expr]]], Any] = {}
         """Value of each parameter for the values of its switches."""
 
@@ -58,7 +52,7 @@ class RealParameters:
 
     def __call__(self, expression: sp.Expr) -> Any:
         if expression.is_Integer:
-            return self._constant(expression)
+            return hy.expression(exact_real(expression, self._bits))
         return self._expressions.setdefault(expression, hy.par[len(self._expressions)])
 
     def values(self, switches: Mapping[sp.Symbol, sp.Expr]) -> list[Any]:

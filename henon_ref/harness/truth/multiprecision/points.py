@@ -15,10 +15,9 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision import series
 from henon_ref.modes.arithmetic import BALLS, Leading
-from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.selection import mode_by_signs
+from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
@@ -40,8 +39,6 @@ class SeriesEvaluation:
 
     def __init__(self, system: FilippovSystem, bits: int) -> None:
         self.system, self.bits = system, bits
-        self._known: dict[sp.Expr, sp.Expr] = {}
-        """Expressions of modes with numbers for the parameters."""
 
     def at(self, time: arb, state: Sequence[arb]) -> Point:
         return Point(self, time, tuple(state))
@@ -67,22 +64,14 @@ class SeriesEvaluation:
         rates, found = map(self._numeric, field), map(self._numeric, outputs)
         return series.along(list(rates), list(found), self.system.states, t, x, bits=self.bits, order=order)
 
+    @kept
     def _numeric(self, expression: sp.Expr) -> sp.Expr:
-        if expression not in self._known:
-            self._known[expression] = self.system.numeric(expression)
-        return self._known[expression]
+        """The expression with numbers for the parameters."""
+        return self.system.numeric(expression)
 
     def sign(self, value: arb) -> int:
         """Sign of a value; 0 if its ball contains zero."""
         return series.sign(value)
-
-    def decide(self, t: arb, x: Sequence[arb], surfaces: Sequence[int], valid: Sequence[int]) -> Decision:
-        """Select the mode at a point, given the signs of the surfaces and of the ``valid`` expressions."""
-        return mode_by_signs(self.at(t, x), surfaces, valid, where="after the reset")
-
-    def text(self, t: arb) -> str:
-        """Time as written in messages."""
-        return str(t.str(17, radius=False))
 
 
 class Point:
@@ -94,21 +83,19 @@ class Point:
     def __init__(self, modes: SeriesEvaluation, time: arb, state: tuple[arb, ...]) -> None:
         self._modes, self.time, self.state = modes, time, state
         self.system = modes.system
-        self._series: dict[tuple[Mode, int], list[list[arb]]] = {}
 
     @property
     def when(self) -> str:
         """Time as written in messages."""
-        return self._modes.text(self.time)
+        return str(self.time.str(17, radius=False))
 
+    @kept
     def series(self, mode: Mode, order: int) -> list[list[arb]]:
         """Taylor coefficients of a mode's guards; ZeroDivisionError or ValueError if they are not finite."""
-        if (mode, order) not in self._series:
-            found = self._modes.guard_series(mode, self.time, self.state, order)
-            if not all(value.is_finite() for own in found for value in own[:2]):
-                raise ValueError("a derivative is not finite")
-            self._series[mode, order] = found
-        return self._series[mode, order]
+        found = self._modes.guard_series(mode, self.time, self.state, order)
+        if not all(value.is_finite() for own in found for value in own[:2]):
+            raise ValueError("a derivative is not finite")
+        return found
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
         try:

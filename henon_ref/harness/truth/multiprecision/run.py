@@ -235,13 +235,13 @@ class _Simulation:
         polynomial = stepper.guard_polynomial(step, index)[skipped:]
         if (polynomial[0] > 0) != (sign > 0):
             raise EndedError("failed", f"a root of {guard.expression} near t = {self._now()} was not resolved")
-        found = isolate(polynomial, self.zero * max((abs(c) for c in polynomial), key=float))
+        roots, near_misses = isolate(polynomial, self.zero * max((abs(c) for c in polynomial), key=float))
         if guard.kind == "surface":
             length, begin = float(step.length), float(step.time)
-            for miss in found.near_misses:
-                at, value = float(miss.at), abs(float(miss.value))
-                near.append((miss.at, NearGraze(begin + at * length, guard.index, value * at**skipped)))
-        for root in found.roots:
+            for place, value in near_misses:
+                at = float(place)
+                near.append((place, NearGraze(begin + at * length, guard.index, abs(float(value)) * at**skipped)))
+        for root in roots:
             touch = not root.odd and (guard.kind != "release" or self.problem.system.held_inside(guard.index))
             if sign > 0 and (root.odd or touch):
                 slope = self._slope(step, index, root.at, skipped, polynomial, root.odd)

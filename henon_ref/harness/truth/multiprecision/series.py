@@ -22,21 +22,10 @@ ORDER = 12
 """Highest derivative examined before a contact counts as one that never separates."""
 
 
-def evaluated(expressions: Iterable[sp.Expr], values: Mapping[sp.Expr, arb_series], bits: int) -> Iterator[arb_series]:
+def _evaluated(expressions: Iterable[sp.Expr], values: Mapping[sp.Expr, arb_series], bits: int) -> Iterator[arb_series]:
     """Evaluate expressions over truncated power series (of length one: over balls), common parts once.
 
-    Parameters
-    ----------
-    expressions : iterable of Expr
-    values : mapping
-        Symbol -> series.
-    bits : int
-        Precision of the exact numbers in the expressions.
-
-    Raises
-    ------
-    ModelError
-        If a function has no power series here.
+    ``bits`` is the precision of the exact numbers in the expressions.
     """
 
     def power(e: sp.Expr, walk: Walk[arb_series]) -> arb_series:
@@ -100,6 +89,11 @@ def along(
     -------
     list of lists of arb
         ``order + 1`` coefficients per output; they enclose the coefficients for every point within the radii.
+
+    Raises
+    ------
+    ModelError
+        If a function has no power series here.
     """
     cap = ctx.cap
     ctx.cap = order + 1
@@ -109,19 +103,15 @@ def along(
             values: dict[sp.Expr, arb_series] = {TIME: arb_series([time, 1])}
             values.update((x, arb_series(s)) for x, s in zip(states, solution, strict=True))
             if k == order:
-                return [_coefficients(e, order) for e in evaluated(outputs, values, bits)]
+                return [[e[i] for i in range(order + 1)] for e in _evaluated(outputs, values, bits)]
             ctx.cap = k + 1
-            slopes = [f[k] for f in evaluated(field, values, bits)]
+            slopes = [f[k] for f in _evaluated(field, values, bits)]
             ctx.cap = order + 1
             for coefficients, slope in zip(solution, slopes, strict=True):
                 coefficients.append(slope / (k + 1))
     finally:
         ctx.cap = cap
     raise AssertionError("unreachable")
-
-
-def _coefficients(value: arb_series, order: int) -> list[arb]:
-    return [value[k] for k in range(order + 1)]
 
 
 def sign(value: arb) -> int:

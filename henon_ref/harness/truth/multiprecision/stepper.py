@@ -130,7 +130,6 @@ class Stepper:
         self._switches = [tuple(e.free_symbols.intersection(switches)) for e in self._rhs]
         """Switches in each row."""
         self._own: dict[tuple[int, tuple[sp.Expr, ...]], sp.Expr] = {}
-        self._linear: dict[tuple[int, tuple[sp.Expr, ...]], bool] = {}
         self._parabolas: dict[int, bool] = {}
         """Whether a row is a parabola in the present mode."""
         self._places = {x: i for i, x in enumerate(system.states)}
@@ -219,13 +218,9 @@ class Stepper:
             for i, c in zip(rows, slopes, strict=True)
         )
 
-    def _entries(self, row: int) -> tuple[int, tuple[sp.Expr, ...]]:
-        """Cache key: a row, and the values of its switches in the mode."""
-        return row, tuple(self._values[s] for s in self._switches[row])
-
     def _in_mode(self, row: int) -> sp.Expr:
         """Derivative of a row's polynomial in the mode."""
-        key = self._entries(row)
+        key = row, tuple(self._values[s] for s in self._switches[row])
         if key not in self._own:
             self._own[key] = self._rhs[row].xreplace(self._values)
         return self._own[key]
@@ -235,14 +230,8 @@ class Stepper:
         if row not in self._parabolas:
             rate, places = self._in_mode(row), self._places
             still = (s == TIME or (s in places and self._in_mode(places[s]).is_number) for s in rate.free_symbols)
-            self._parabolas[row] = all(still) and self._is_linear(row, rate)
+            self._parabolas[row] = all(still) and _is_linear(rate)
         return self._parabolas[row]
-
-    def _is_linear(self, row: int, rate: sp.Expr) -> bool:
-        key = self._entries(row)
-        if key not in self._linear:
-            self._linear[key] = not any(sp.diff(rate, s).free_symbols for s in rate.free_symbols)
-        return self._linear[key]
 
     def state_at(self, time: arb) -> list[arb]:
         """State within the last step, or slightly after it."""
@@ -280,6 +269,11 @@ class Stepper:
         slopes = at_ends[:, :-1] @ (np.arange(1, len(c)) * np.abs(c[1:]))
         unclear = ~(values > slopes * ends[0] / 2 + 1e-9 * np.abs(c).sum())
         return float(ends[unclear.argmax()] - ends[0]) if unclear.any() else math.inf
+
+
+@lru_cache(maxsize=4096)
+def _is_linear(rate: sp.Expr) -> bool:
+    return not any(sp.diff(rate, s).free_symbols for s in rate.free_symbols)
 
 
 @cache

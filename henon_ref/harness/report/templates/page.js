@@ -268,7 +268,7 @@ function marker(kind, x, y, style, hollow, attributes) {
   return shape("path", { d: MARKERS[kind] || MARKERS.o, transform: `translate(${x} ${y})`, "stroke-width": 1.4, ...colour,
     ...attributes });
 }
-// Phase portrait, drawn from packed points (henon_ref/harness/report/html/portrait.py).
+// Phase portrait, drawn from packed points (henon_ref/harness/report/rendering.py).
 
 /** Unpack the points of a portrait, as fractions of its limits (0 to 1). */
 function pointsOf(text) {

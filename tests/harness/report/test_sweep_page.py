@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from html_pages import SCHEMES, SIZES, opened, serious, sideways
+from html_pages import MOST_BYTES, SCHEMES, SIZES, opened, serious, sideways
 from sweep_systems import SWEEP, belt, sliding_block
 
 import henon_ref
 from henon_ref.harness.cli.sweep import program
-from henon_ref.harness.report.html import sweep_content
-from henon_ref.harness.report.html.rendering import MOST_BYTES, read_embedded
-from henon_ref.harness.report.html.sweep_content import frame_content, kept_points, read_table, rows_of
-from henon_ref.harness.report.html.sweep_page import KEPT, write_sweep_page
+from henon_ref.harness.report import sweep_page
+from henon_ref.harness.report.rendering import read_embedded
+from henon_ref.harness.report.sweep_page import KEPT, frame_content, kept_points, read_table, rows_of, write_sweep_page
 from henon_ref.sweeps.plan import planned
 
 EVIL = "</script><img src=//evil.example/x.png>{{ 7*7 }}"
@@ -108,7 +107,7 @@ def test_what_a_stranger_writes_is_text(tmp_path: Path) -> None:
 
 
 def test_of_many_points_so_many_are_kept_as_there_is_room_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_content, "POINT_BYTES", 1000)
+    monkeypatch.setattr(sweep_page, "POINT_BYTES", 1000)
     axes = {"vb": {"from": 0.1, "to": 1, "count": 40}, "x": {"from": -1, "to": 1, "count": 30}}
     plan = planned(belt(), {"x": 0, "v": 0}, until=1, grid=axes, observe=[])
     kept = kept_points(plan, 10)
@@ -123,7 +122,7 @@ def test_of_many_points_so_many_are_kept_as_there_is_room_for(monkeypatch: pytes
 
 def test_rows_of_a_table_are_thinned_and_keep_their_points(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = pd.DataFrame({"point": np.repeat(np.arange(100), 10), "x": np.linspace(-1, 1, 1000)})
-    monkeypatch.setattr(sweep_content, "ROW_BYTES", 1600)
+    monkeypatch.setattr(sweep_page, "ROW_BYTES", 1600)
     made = frame_content("section", frame, 5000, np.arange(0, 100, 2), tables=1)
     place = np.frombuffer(b64decode(made["point"]), "<u4")
     (column,) = made["columns"]
@@ -217,7 +216,7 @@ def test_of_many_rows_some_are_read_and_of_too_many_points_no_page_is_made(
         pd.testing.assert_frame_equal(read_table(line, "section", most=most), whole[::stride].reset_index(drop=True))
     shutil.copytree(line, tmp_path / "line")
     (tmp_path / "line" / "index.html").unlink()
-    monkeypatch.setattr(sweep_content, "MOST_READ", 4)
+    monkeypatch.setattr(sweep_page, "MOST_READ", 4)
     assert write_sweep_page(tmp_path / "line") is None
     assert "has no page: it has more than 4 points" in caplog.text
     assert not (tmp_path / "line" / "index.html").exists()

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from henon_ref.figures import style
 from henon_ref.figures.style import line_of
-from henon_ref.harness.figures.labels import label_column
+from henon_ref.harness.figures import label_column
 
 SOLVERS = ("henon", "heyoka", "cvode-adams", "cvode-bdf", "ida", "scipy-rk45", "scipy-dop853", "scipy-radau")
 

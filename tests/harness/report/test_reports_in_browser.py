@@ -19,7 +19,7 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.text.choice import choice_rows
 from henon_ref.harness.report.text.matrix import read_matrix
-from henon_ref.harness.report.text.ranking import LEVELS
+from henon_ref.harness.score.ranking import LEVELS
 
 
 def rows_of(page: Any) -> list[str]:

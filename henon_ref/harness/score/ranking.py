@@ -1,20 +1,20 @@
-"""Rank runs by accuracy and cost, within one reading and over all readings of a case."""
+"""Ranking of runs by accuracy and cost: within one reading, over all readings of a case, and over all cases."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
+from statistics import geometric_mean, median
 from typing import TypeVar
 
 from henon_ref.harness.rows import NOT_RUN, RunRow, number
 from henon_ref.harness.score.reference import HALF_ULP
+from henon_ref.harness.table import Table, digits, duration, significant
 
 LEVELS = (3, 6, 9, 12)
 """Numbers of digits for which prices are given."""
-AS_GOOD = 0.3
-"""Largest difference of two runs that count as equally accurate [digits], a factor of two."""
 R = TypeVar("R")
 K = TypeVar("K", bound=Hashable)
 AnyRun = TypeVar("AnyRun", bound=RunRow)
@@ -57,7 +57,8 @@ def cheapest(rows: Sequence[RunRow], digits: int) -> tuple[RunRow | None, RunRow
 def most_accurate(rows: Sequence[AnyRun]) -> AnyRun | None:
     """Return the row with the most digits; among equally accurate rows the cheapest."""
     most = max((row.digits or 0.0 for row in rows), default=0.0)
-    return min((row for row in rows if (row.digits or 0.0) >= most - AS_GOOD), key=_price, default=None)
+    as_good = [row for row in rows if (row.digits or 0.0) >= most - 0.3]  # 0.3 digits are a factor of two
+    return min(as_good, key=_price, default=None)
 
 
 def best_of(rows: Sequence[RunRow]) -> RunRow:
@@ -115,3 +116,78 @@ def floor(row: RunRow) -> float:
 
 def _price(row: RunRow) -> float:
     return math.inf if row.wall_s is None else row.wall_s
+
+
+@dataclass(frozen=True)
+class SolverLine:
+    """Summary of one solver over all readings, each at its tightest setting."""
+
+    solver: str
+    right: int
+    """Number of readings in which the solver is right."""
+    judged: int
+    """Number of readings in which it is right, or wrong by its own fault."""
+    digits: float | None
+    """Smallest number of digits in a reading in which it is right."""
+    time_s: float | None
+    """Median wall time of its right runs [s]."""
+    times_as_long: float | None
+    """Wall time relative to the fastest right run of the same reading; geometric mean over readings."""
+
+
+def standings(rows: Iterable[RunRow]) -> list[SolverLine]:
+    """Rank the solvers: first by right readings, then by relative time.
+
+    All numbers are those of each reading's tightest setting.
+    """
+    rows = tightest(rows)
+    fastest = {problem: min(map(_time, own)) for problem, own in readings_of(rows).items()}
+    lines = [_line(solver, own, fastest) for solver, own in by_solver(rows).items()]
+    return sorted(lines, key=lambda line: (-line.right, not line.judged, line.times_as_long or math.inf))
+
+
+def standings_table(lines: Iterable[SolverLine], notes: Mapping[str, str] | None = None) -> Table:
+    """Return the ranking as a table; ``notes``: text of an additional column for each solver."""
+    cells = [
+        (
+            line.solver,
+            f"{line.right} of {line.judged}" if line.judged else "not judged",
+            digits(line.digits),
+            duration(line.time_s),
+            "" if line.times_as_long is None else significant(line.times_as_long),
+            *([] if notes is None else [notes[line.solver]]),
+        )
+        for line in lines
+    ]
+    columns = ("solver", "right of judged", "digits", "time", "times as long", "note")
+    used = len(columns) - (notes is None)
+    return Table(columns[:used], "lrrrrl"[:used], cells)
+
+
+def tightest(rows: Iterable[RunRow]) -> list[RunRow]:
+    """Select the row with the smallest tolerance or step of each reading and solver."""
+    groups = grouped(rows, lambda row: (row.problem, row.solver)).values()
+    return [min(own, key=attrgetter("size")) for own in groups]
+
+
+def at_fault(row: RunRow) -> bool:
+    """Check whether a run is wrong by its solver's own fault, or ended differently when it was repeated."""
+    return row.repeated or row.verdict == "solver defect"
+
+
+def _line(solver: str, rows: Sequence[RunRow], fastest: Mapping[tuple[str, str], float]) -> SolverLine:
+    good = [row for row in rows if row.verdict == "right"]
+    ratios = [_time(row) / fastest[row.problem] for row in good if _time(row) < math.inf]
+    return SolverLine(
+        solver,
+        right=sum(not row.repeated for row in good),
+        judged=sum(row.verdict == "right" or at_fault(row) for row in rows if row.status != "unavailable"),
+        digits=min((row.digits for row in good if row.digits is not None), default=None),
+        time_s=median(_time(row) for row in good if _time(row) < math.inf) if ratios else None,
+        times_as_long=geometric_mean(ratios) if ratios else None,
+    )
+
+
+def _time(row: RunRow) -> float:
+    """Return the wall time of a right run [s]; infinite if the run is not right or has no time."""
+    return row.wall_s if row.verdict == "right" and row.wall_s else math.inf

@@ -194,7 +194,7 @@ const scrolling = (content, label) => make("div", { class: "scroll reflow", tabi
 /** Make links to the files of the case, if they exist next to this page. */
 function drawFiles(reading) {
   const { name, files = [] } = reading.of;
-  // The name of a figure is READING_KIND.svg (henon_ref/harness/report/figure_jobs.py); a kind has no underscore.
+  // The name of a figure is READING_KIND.svg (henon_ref/harness/report/svg.py); a kind has no underscore.
   const own = files.filter((file) => !file.endsWith(".svg") || file.slice(0, file.lastIndexOf("_")) === reading.name);
   byId("run-files").hidden = !own.length;
   byId("run-file-list").replaceChildren(...own.map((file) =>

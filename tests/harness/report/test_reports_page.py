@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fakes import CASE, case
-from html_pages import RUNS, comparison, made_folder, two_readings
+from html_pages import MOST_BYTES, RUNS, comparison, made_folder, two_readings
 from made_reports import ORIGIN, changed
 
 import henon_ref
@@ -24,28 +24,33 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.cli.check import page_differences
 from henon_ref.harness.report.case_report import write_report
-from henon_ref.harness.report.folder_report import page_text, write_folder_report
-from henon_ref.harness.report.html.content import (
+from henon_ref.harness.report.folder_report import (
     CELL,
     FIELDS,
+    PROJECTS,
+    few_readings,
+    page_text,
+    run_values,
+    write_folder_report,
+)
+from henon_ref.harness.report.rendering import (
+    CELLS,
+    MOST_POINTS,
     NIGHT,
     PAPER,
-    PROJECTS,
     SEEN,
     contrast,
-    few_readings,
-    run_values,
+    embedded,
+    read_embedded,
     solver_lines,
 )
-from henon_ref.harness.report.html.portrait import CELLS, MOST_POINTS
-from henon_ref.harness.report.html.portrait import packed as packed_portrait
-from henon_ref.harness.report.html.rendering import MOST_BYTES, embedded, read_embedded
+from henon_ref.harness.report.rendering import packed as packed_portrait
 from henon_ref.harness.report.text.choice import choice_rows, choice_table
 from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 EVIL = (
     "</script><script>alert(1)</script><!-- <img src=//evil.example/x.png onerror=alert(2)> \u2028 \u202e {{ 7*7 }} ]]>"
 )

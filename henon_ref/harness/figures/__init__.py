@@ -1,1 +1,0 @@
-"""Figures of a comparison: digits against cost, errors of transitions."""

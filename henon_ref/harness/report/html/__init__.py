@@ -1,1 +1,0 @@
-"""HTML page of a folder: a single file that contains its data, styles and scripts."""
