@@ -24,7 +24,7 @@ from henon_ref.baselines.protocol.messages import Guard, Mode, Problem
 from henon_ref.baselines.protocol.problem_text import renamed
 from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
-from henon_ref.jit.cache_files import cache_root
+from henon_ref.jit.cache_folder import cache_root
 from henon_ref.text import short_line
 
 SOURCES = ("cvode.c", "json.h", "response.h")
