@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import inspect
-import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 
-PROGRAMS = Path(__file__).parent / "programs"
-"""Folder of the programs in other languages."""
-SECONDS = 300.0
-"""Largest wall time of a program [s]."""
 Check = Callable[[], str]
 
 
@@ -78,31 +72,3 @@ def error_message(run: Callable[[], object]) -> str:
     except (RuntimeError, ValueError) as error:
         return str(error)
     return ""
-
-
-class Printed(dict[str, list[list[float]]]):
-    """Output of a program: maps a name to the numbers of each of its lines."""
-
-    def __missing__(self, name: str) -> list[list[float]]:
-        raise ClaimError(f"the program has printed no '{name}'")
-
-
-def printed(command: Sequence[str], environment: dict[str, str] | None = None) -> Printed:
-    """Run a program whose lines consist of a name and numbers; other lines, printed by the library, are ignored.
-
-    Raises
-    ------
-    ClaimError
-        If the program cannot be run.
-    """
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False, env=environment)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise ClaimError(f"{command[0]}: {error}") from error
-    found = Printed()
-    for name, *numbers in (line.split() for line in done.stdout.splitlines() if line.strip()):
-        try:
-            found.setdefault(name, []).append([float(number) for number in numbers])
-        except ValueError:
-            continue
-    return found

@@ -4,31 +4,64 @@ from __future__ import annotations
 
 import math
 import os
+import subprocess
+from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from henon_ref.baselines.causes.base import PROGRAMS, ClaimError, Printed, cause, holds, printed
-from henon_ref.baselines.programs.cvode_c import LIBRARIES, tools
+from henon_ref.baselines.causes.base import ClaimError, cause, holds
+from henon_ref.baselines.programs.cvode_c import compile_program
 from henon_ref.baselines.programs.interpreted import ENVIRONMENT, OCTAVE, siconos_python
 from henon_ref.errors import UnavailableError
 
+PROGRAMS = Path(__file__).parent / "programs"
+"""Folder of the programs in other languages."""
+SECONDS = 300.0
+"""Largest wall time of a program [s]."""
 from_c, octave = partial(cause, "sundials"), partial(cause, "octave")
 siconos = partial(cause, "siconos", docs="https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/")
+
+
+class Printed(dict[str, list[list[float]]]):
+    """Output of a program: maps a name to the numbers of each of its lines."""
+
+    def __missing__(self, name: str) -> list[list[float]]:
+        raise ClaimError(f"the program has printed no '{name}'")
+
+
+def printed(command: Sequence[str], environment: dict[str, str] | None = None) -> Printed:
+    """Run a program whose lines consist of a name and numbers; other lines, printed by the library, are ignored.
+
+    Raises
+    ------
+    ClaimError
+        If the program cannot be run.
+    """
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False, env=environment)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ClaimError(f"{command[0]}: {error}") from error
+    found = Printed()
+    for name, *numbers in (line.split() for line in done.stdout.splitlines() if line.strip()):
+        try:
+            found.setdefault(name, []).append([float(number) for number in numbers])
+        except ValueError:
+            continue
+    return found
 
 
 @cache
 def printed_from_c() -> Printed:
     """Return the output of ``cvode_events.c``: flag, time, state and steps of each run."""
-    try:
-        compiler, include = tools()
-    except UnavailableError as error:
-        raise ClaimError(str(error)) from error
+    source = PROGRAMS / "cvode_events.c"
     with TemporaryDirectory() as folder:
-        libraries = [f"-L{include.parent / 'lib'}", *(f"-l{name}" for name in LIBRARIES)]
-        source, program = PROGRAMS / "cvode_events.c", str(Path(folder) / "program")
-        printed([compiler, "-O2", f"-I{include}", str(source), "-o", program, *libraries])
-        return printed([program])
+        program = Path(folder, "cvode_events")
+        try:
+            compile_program({source.name: source.read_text(encoding="utf-8")}, program)
+        except UnavailableError as error:
+            raise ClaimError(str(error)) from error
+        return printed([str(program)])
 
 
 @cache

@@ -1,19 +1,25 @@
 """``henon-listing``: the program of the paper's appendix as printed, including its mistakes, as a solver.
 
-``listing.c`` explains each mistake at its line; :mod:`henon_ref.baselines.paper.listing_variants` has a switch for each
-mistake.
+``listing.c`` explains each mistake at its line. ``variants.c`` has a switch for each mistake (:func:`run_variant`; the
+audit of :mod:`henon_ref.harness.studies.paper.audit` uses it): with all switches off it is a correct implementation of
+Sec. 3 for Eq. (18), of order 4 with Filippov's sliding, and with all switches on it gives exactly the numbers of the
+listing.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.compiled import COMPILER, ffi, lib, rows
+from henon_ref.baselines.paper import COMPILER, ffi, lib, rows
+from henon_ref.casefile.case import load_case
+from henon_ref.casefile.files import shipped_folder
 from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.algebra import simplified
 from henon_ref.modes.mode import Mode, transition_kind
@@ -36,6 +42,19 @@ MAX_STEPS = 200_000_000
 """Largest number of steps of a run."""
 MAX_CHANGES = 200_000
 """Largest number of changes of mode; the listing at h = 1e-4 makes 180."""
+MAX_VARIANT_CHANGES = 20_000
+"""Number of changes of mode after which a run of a variant counts as chattering."""
+DEFECTS: dict[str, str] = {
+    "aliased_steps": "`xn = x` names one list twice: every Runge-Kutta stage moves the state itself",
+    "one_sided_release": "a stick is tested against the upper tangent point only",
+    "exit_side": "the stick is left to the wrong side (`k <> 2`)",
+    "frozen_forcing": "the forcing of the start of a step stands at all its stages",
+    "frozen_tangent": "the way back to the tangent point takes it where it is at the end of the step",
+    "quantised_release": "aliased, that way back is zero: a release keeps the time of the end of the step",
+    "landing_sign": "above the belt's speed the landing step has the wrong sign",
+    "rounded_sixth": "`h*0.166666` stands for h/6 in the landing step",
+}
+"""Mistakes that change the result: name (a switch of ``struct defects``) and description."""
 
 
 class Listing:
@@ -227,3 +246,69 @@ def effective_changes(changes: Floats, start: int) -> Floats:
 def _sampled(wanted: Floats, path: Floats) -> Floats:
     """Interpolate positions and velocities linearly between steps; NaN after the end."""
     return np.column_stack([np.interp(wanted, path[:, 0], path[:, i], right=np.nan) for i in (1, 2)])
+
+
+@dataclass(frozen=True)
+class VariantRun:
+    """Result of a run of one variant."""
+
+    times: Floats
+    """Times of the changes of mode [s]."""
+    states: Floats
+    """Positions and velocities at these times, shape (k, 2)."""
+    modes: NDArray[np.int64]
+    """Mode after each change: -1 below the belt's speed, 0 in stick, +1 above."""
+    status: str
+    """``ok``, ``chatters`` (the changes of mode never end) or ``diverged``."""
+    path: Floats
+    """Time, position and velocity after each step from ``path_from`` on, shape (steps, 3)."""
+
+
+@cache
+def fig8_numbers() -> tuple[float, ...]:
+    """Parameters m, k1, k2, mu0, vp, A, w of Fig. 8, rounded to doubles."""
+    return listing_parameters(load_case(shipped_folder() / "fig8.yaml").reading("listing_limit").problem)
+
+
+def run_variant(
+    defects: Collection[str],
+    *,
+    step: float = PRINTED_STEP,
+    start: tuple[float, float] | None = None,
+    until: float = 70.0,
+    path_from: float | None = None,
+) -> VariantRun:
+    """Run the paper's program on Fig. 8 with some of its mistakes.
+
+    Parameters
+    ----------
+    defects : collection of str
+        Names of :data:`DEFECTS`.
+    step : float
+        Step h [s].
+    start : tuple of float, optional
+        Position and velocity at t = 0, in slip. Without it, the run starts in stick at [z(4), vp] as in the paper.
+    until : float
+        Horizon [s].
+    path_from : float, optional
+        Time from which the path is stored [s]. Without it, no path is stored.
+
+    Raises
+    ------
+    KeyError
+        If a defect is unknown.
+    """
+    numbers = fig8_numbers()
+    changes = np.empty((MAX_VARIANT_CHANGES, 5))
+    path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * MAX_VARIANT_CHANGES, 3))
+    x = np.array([0.0, *((EDGES[3], numbers[4]) if start is None else start)])
+    first = 0 if start is None else -1 if start[1] < numbers[4] else 1
+    end = lib.variant_run(
+        rows(x, "struct belt_state"), first == 0, until, step, rows(EDGES), ffi.new("struct belt *", numbers),
+        ffi.new("struct defects *", dict.fromkeys(defects, 1)), rows(changes, "struct mode_change"), len(changes),
+        rows(path, "struct belt_state"), len(path), path_from or 0.0,
+    )  # fmt: skip
+    kept = effective_changes(changes[: end.changes], first)
+    kept = kept[kept[:, 1] <= until]
+    status = ("ok", "chatters", "diverged")[end.ending]
+    return VariantRun(kept[:, 1], kept[:, 2:4], kept[:, 4].astype(np.int64), status, path[: end.path])

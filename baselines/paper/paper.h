@@ -1,6 +1,6 @@
 /* The paper's two programs: its method, implemented correctly (henon-rk4), and the appendix as printed (henon-listing).
 
-   This header defines the interface to Python (baselines/paper/compiled.py reads it). Times are in s. */
+   This header defines the interface to Python (baselines/paper/__init__.py reads it). Times are in s. */
 #ifndef HENON_PAPER_H
 #define HENON_PAPER_H
 
@@ -77,7 +77,7 @@ struct listing_end listing_run(struct belt_state *x, const double *edges, double
                                const struct belt *belt, struct mode_change *changes, int64_t changes_room,
                                struct belt_state *path, int64_t path_room);
 
-/* Mistakes of the appendix that change its result; DEFECTS of listing_variants.py describes them. */
+/* Mistakes of the appendix that change its result; DEFECTS of listing.py describes them. */
 struct defects {
     uint8_t aliased_steps, one_sided_release, exit_side, frozen_forcing, frozen_tangent, quantised_release,
         landing_sign, rounded_sixth;

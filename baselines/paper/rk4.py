@@ -17,7 +17,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.compiled import COMPILER
+from henon_ref.baselines.paper import COMPILER
 from henon_ref.baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
 from henon_ref.errors import UnsupportedError
 from henon_ref.jit.processor_time import Deadline, compiling
@@ -128,20 +128,16 @@ class _Plan:
 
     def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
         """Select the next mode: by two normal velocities if they decide it, otherwise by :func:`.after_event`."""
-        if len(hits) == 1 and self._by_signs(hits[0]) and 0 not in mode:
-            i = hits[0].index
+        i = hits[0].index
+        # The slip fields may select the next mode, unless a hold zone decides sticking on the surface.
+        if len(hits) == 1 and hits[0].kind == "surface" and 0 not in mode and not self.problem.system.held_inside(i):
             try:
-                below, above = (self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1))
+                sign = sign_after(*(self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1)))
             except (ArithmeticError, ValueError):
-                return after_event(self.in_doubles.at(t, x), mode, hits)
-            sign = sign_after(below, above)
+                sign = None
             if sign is not None:
                 return Decision("unique", replaced(mode, i, sign))
         return after_event(self.in_doubles.at(t, x), mode, hits)
-
-    def _by_signs(self, hit: Guard) -> bool:
-        """Check whether the slip fields may select the next mode."""
-        return hit.kind == "surface" and not self.problem.system.held_inside(hit.index)
 
 
 class _Integration:
@@ -278,17 +274,16 @@ class _Integration:
     def _result(self, status: Status, reason: str) -> Trajectory:
         if status == "ok":
             self._note_drift(())
-        end_mode = self.mode
         count = len(self.wanted)
         return Trajectory(
             status=status,
             transitions=tuple(self.transitions),
             end_time=self.time,
             end_state=tuple(self.x.tolist()),
-            end_mode=end_mode,
+            end_mode=self.mode,
             reason=reason,
             counts=Counts(self.steps, 4 * (self.steps + self.landings), self.steps),
             max_surface_drift=self.drift,
             samples=self.samples if count else None,
-            sample_modes=tuple(self.sample_modes + [end_mode] * (count - self.filled)) if count else None,
+            sample_modes=tuple(self.sample_modes + [self.mode] * (count - self.filled)) if count else None,
         )

@@ -10,7 +10,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.paper.compiled import ffi, flags, lib, rows
+from henon_ref.baselines.paper import ffi, flags, lib, rows
 from henon_ref.expressions.bounds import double_double
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule

@@ -109,15 +109,15 @@ def program_for(equations: str) -> Path:
 
     The key of the cache consists of the sources, the equations, the compiler and its options, and SUNDIALS' version.
     """
-    found, folder = tools()
+    path, _ = tools()
     texts = {name: files("henon_ref.baselines.programs").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}
     texts[EQUATIONS] = equations
-    key = hashlib.sha256(repr((texts, found, _compiler_version(found), FLAGS, library_version())).encode())
+    key = hashlib.sha256(repr((texts, path, _compiler_version(path), FLAGS, library_version())).encode())
     place = cache_root() / FOLDER
     program = place / f"cvode-{key.hexdigest()[:32]}"
     if not program.is_file():
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _compile(found, folder, texts, program)
+        compile_program(texts, program)
     return program
 
 
@@ -127,22 +127,29 @@ def _compiler_version(path: str) -> str:
     return done.stdout.partition("\n")[0]
 
 
-def _compile(compiler_path: str, include: Path, texts: dict[str, str], program: Path) -> None:
-    """Compile the program; it is moved to its place only if it is complete."""
+def compile_program(texts: Mapping[str, str], program: Path) -> None:
+    """Compile the first of some sources and headers (text by file name) with SUNDIALS; ``program`` is never incomplete.
+
+    Raises
+    ------
+    UnavailableError
+        If a tool is missing, or the compiler fails.
+    """
+    path, include = tools()
     library = include.parent / "lib"
     with TemporaryDirectory(dir=program.parent) as folder:
         for name, text in texts.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
         made = Path(folder) / "program"
-        command = [compiler_path, *FLAGS, f"-I{include}", SOURCES[0], "-o", made.name, f"-L{library}"]
+        command = [path, *FLAGS, f"-I{include}", next(iter(texts)), "-o", made.name, f"-L{library}"]
         command += [f"-Wl,-rpath,{library}"] if os.environ.get(PREFIX) else []
         command += [f"-l{name}" for name in LIBRARIES]
         try:
             done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise UnavailableError(short_line(f"{compiler_path} does not compile the program: {error}")) from error
+            raise UnavailableError(short_line(f"{path} does not compile the program: {error}")) from error
         if done.returncode != 0:
-            raise UnavailableError(short_line(f"{compiler_path} does not compile the program: {done.stderr}"))
+            raise UnavailableError(short_line(f"{path} does not compile the program: {done.stderr}"))
         made.replace(program)
 
 

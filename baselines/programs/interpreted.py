@@ -58,57 +58,50 @@ def siconos_version(python: str) -> str:
     return package or "unknown"
 
 
-class InterpretedSolver(ProgramSolver):
-    """A program that an interpreter runs; ``command`` is the program's file in this folder."""
-
-    interpreter: tuple[str, ...]
-    """Command of the interpreter."""
-    absent: str
-    """Message for a missing library."""
-
-    def check(self) -> None:
-        """Raise :class:`~henon_ref.errors.UnavailableError` if the library is missing."""
-        if not self.version:
-            raise UnavailableError(self.absent)
-
-    def built(self, text: Problem) -> tuple[str, ...]:
-        """Return the command: interpreter, file of the program, and version of the library."""
-        self.check()
-        with as_file(files("henon_ref.baselines.programs").joinpath(*self.command)) as path:
-            return *self.interpreter, str(path), self.version
-
-
-class OctaveSolver(InterpretedSolver):
+class OctaveSolver(ProgramSolver):
     """Octave's ``ode45``.
 
     Counts: ``steps`` are accepted steps; all other counts are 0.
     """
 
-    interpreter = OCTAVE
-    absent = f"{OCTAVE[0]} is not installed (Debian: octave)"
-
     @property
     def version(self) -> str:
         return octave_version()
 
+    def check(self) -> None:
+        """Raise :class:`~henon_ref.errors.UnavailableError` if Octave is missing."""
+        if not self.version:
+            raise UnavailableError(f"{OCTAVE[0]} is not installed (Debian: octave)")
 
-class SiconosSolver(InterpretedSolver):
+    def built(self, text: Problem) -> tuple[str, ...]:
+        return _command(self, *OCTAVE)
+
+
+class SiconosSolver(ProgramSolver):
     """Siconos' time stepping.
 
     Counts: ``steps`` are time steps; all other counts are 0.
     """
 
     @property
-    def interpreter(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (siconos_python(),)
-
-    @property
-    def absent(self) -> str:  # type: ignore[override]
-        return f"{siconos_python()} has no siconos (Debian: {PACKAGE}; {VARIABLE} names another Python)"
-
-    @property
     def version(self) -> str:
         return siconos_version(siconos_python())
+
+    def check(self) -> None:
+        """Raise :class:`~henon_ref.errors.UnavailableError` if Siconos is missing."""
+        if not self.version:
+            python = siconos_python()
+            raise UnavailableError(f"{python} has no siconos (Debian: {PACKAGE}; {VARIABLE} names another Python)")
+
+    def built(self, text: Problem) -> tuple[str, ...]:
+        return _command(self, siconos_python())
+
+
+def _command(solver: ProgramSolver, *interpreter: str) -> tuple[str, ...]:
+    """Return the command of a solver: interpreter, file of the program in this folder, and version of the library."""
+    solver.check()
+    with as_file(files("henon_ref.baselines.programs").joinpath(*solver.command)) as path:
+        return *interpreter, str(path), solver.version
 
 
 ODE45 = OctaveSolver("octave-ode45", ("ode45.m",), landing="linear", environment=ONE_THREAD)

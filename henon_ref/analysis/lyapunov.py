@@ -25,7 +25,7 @@ from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
-from henon_ref.system.tree import written
+from henon_ref.system.python_values import written
 from henon_ref.trajectory import Status
 
 BATCHES = 10

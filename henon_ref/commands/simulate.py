@@ -1,7 +1,7 @@
 """Command ``henon-ref simulate CASE [--until T] [--set NAME=VALUE] [--plot FILE] [--csv FILE]``: one run of a case.
 
-A run that ends before its horizon is reported on standard error and is not an error. For the exit statuses see
-:mod:`henon_ref.commands.exit_status`.
+``henon-ref demo [--out FILE]`` draws a run of a built-in system. A run that ends before its horizon is reported on
+standard error and is not an error. For the exit statuses see :mod:`henon_ref.commands.exit_status`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, command_of, say
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from henon_ref.simulation.solution import Solution
     from henon_ref.simulation.system import System
 
-app = application()
+app, demo_app = application(), application()
 STANDARD_OUTPUT = Path("-")
 KINDS = (".png", ".svg", ".pdf")
 """Allowed suffixes of a figure's file name."""
@@ -64,7 +65,7 @@ def main(
     from henon_ref.simulation.system import System
 
     if plot is not None:
-        check_picture(plot)
+        _check_picture(plot)
     for path, what in ((case, "the case"), (plot, "--plot")):
         if csv is not None and path is not None and csv.resolve() == path.resolve():
             raise CaseError(f"--csv {csv}: this is the file of {what}; name another one")
@@ -79,12 +80,31 @@ def main(
     elif len(table):
         print(table.to_string(index=False, float_format=lambda value: f"{value:.12g}"))
     if plot is not None:
-        write_picture(plot, run)
+        _write_picture(plot, run)
     for path in (csv, plot):
         if path not in (None, STANDARD_OUTPUT):
             say(f"written: {path}")
     if not (csv == STANDARD_OUTPUT and run.success):
         say(repr(run))
+    return DONE
+
+
+@demo_app.command(epilog=examples("demo", "demo --out belt.svg"))
+def demo(
+    out: Annotated[Path, typer.Option(help="The picture: .png, .svg or .pdf.", metavar="FILE")] = Path("demo.png"),
+) -> int:
+    """Draw a stick-slip orbit with its transitions: a block on a spring, on a moving belt."""
+    _check_picture(out)
+    status_line.show("a block on a moving belt")
+    from henon_ref.simulation.simulate import simulate
+    from henon_ref.simulation.system import System
+
+    belt = System(["x", "v"], {"F": 1, "d": 3, "vb": 0.2}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+    run = simulate(belt, {"x": 1.5, "v": 0}, until=40)
+    _write_picture(out, run)
+    status_line.clear()
+    found = f"{len(run.transitions)} transitions, {len(run.sticks)} whole sticks in 40 s"
+    print(f"{out}: a block on a moving belt, {found}; the program is on the documentation's first page")
     return DONE
 
 
@@ -124,7 +144,7 @@ def _write(path: Path, text: str) -> None:
         raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def check_picture(path: Path) -> None:
+def _check_picture(path: Path) -> None:
     """Raise CaseError if the file name of a figure has a wrong suffix, or its folder does not exist."""
     if path.suffix.lower() not in KINDS:
         raise CaseError(f"{path}: the name of a figure must end with one of {listed(KINDS)}")
@@ -132,7 +152,7 @@ def check_picture(path: Path) -> None:
         raise CaseError(f"{path}: the folder {path.parent} does not exist")
 
 
-def write_picture(path: Path, run: Solution) -> None:
+def _write_picture(path: Path, run: Solution) -> None:
     """Write the figure of a run: the phase portrait with its transitions, and states over time."""
     from henon_ref.figures import style
 
@@ -152,4 +172,4 @@ def write_picture(path: Path, run: Solution) -> None:
         raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-command = command_of(app, "simulate")
+command, demo_command = command_of(app, "simulate"), command_of(demo_app, "demo")

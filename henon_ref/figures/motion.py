@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 GRID = 121
 """Number of grid points per side for contours of a surface."""
-MOST_NAMED = 8
-"""Largest number of labelled places of transitions; if there are more, none has a label."""
 _Entry = tuple[str, str, float, str]
 """Entry of a legend: label, colour, width, dashes."""
 
@@ -296,7 +294,7 @@ def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[st
             near[0][2].append(time)
         else:
             places.append((kind, point, [time]))
-    if len(places) > MOST_NAMED:
+    if len(places) > 8:  # labels would overlap
         return
     centre = np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)
     halo = [Stroke(linewidth=2.0, foreground="white"), Normal()]

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MODES_TITLE = "Distance from the surface, modes shaded"
-LONGEST_LABEL = 100
-"""Largest number of operations of a surface that is written out in its label."""
 NOTHING = 2
 """Entry that is not shaded: the panel of a state shows sticks only."""
 MODES = {
@@ -115,7 +113,7 @@ def _surface_values(system: FilippovSystem, motion: Motion, k: int) -> NDArray[n
 
 def _surface_label(system: FilippovSystem, k: int) -> str:
     surface = system.surfaces[k]
-    formula = f" = {latex(surface)}" if size(surface, LONGEST_LABEL) <= LONGEST_LABEL else ""
+    formula = f" = {latex(surface)}" if size(surface, 100) <= 100 else ""  # a longer one does not fit
     return f"${latex(system.signs[k])}$:  $h{formula}$"
 
 

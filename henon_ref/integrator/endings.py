@@ -162,7 +162,8 @@ def pass_branch_point(run: State) -> bool:
     """
     scalars = run.scalars
     code = run.integrator.mode_table.codes[int(scalars.mode)]
-    if not code.guards_branch_alone or run.passed_at == scalars.steps or vanishing_guard(run) is not None:
+    guards_alone = any(code.guards_branch) and not code.field_branches
+    if not guards_alone or run.passed_at == scalars.steps or vanishing_guard(run) is not None:
         return False
     left, longest = run.left(run.now), FARTHEST * (run.until[0] - run.start.time[0])
     with working_precision(BITS):

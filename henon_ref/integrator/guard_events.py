@@ -27,10 +27,6 @@ from henon_ref.roots.multiprecision import (
 
 EQUAL_LEVEL = 2.0**-204
 """Relative difference below which coefficients count as equal (a few rounding errors)."""
-LEADING_COEFFICIENTS = 26
-"""Number of leading coefficients that determine the zeros near 0 to full precision."""
-FINEST = 1e-47
-"""Smallest radius of a place on the step."""
 ROUNDING = 32 * EPS
 """Relative value of a guard that double precision takes for zero at an event of another guard."""
 DECIDED_STEEPNESS = 1e-5
@@ -117,7 +113,7 @@ def first_guard_event(guard: int, series: GuardSeries, suspect: int) -> GuardEve
         depth = abs(local[0] - local[1] ** 2 / (4.0 * local[2]))
     bottom = place if lowest or depth == math.inf else minimum_beside([0] * series.zeros + series.q, place)
     order = order - order % 2 if lowest else order
-    return GuardEvent(guard, what, lowest, place, max(radius, FINEST), order, rounding, depth, bottom)
+    return GuardEvent(guard, what, lowest, place, max(radius, 1e-47), order, rounding, depth, bottom)
 
 
 def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
@@ -127,7 +123,8 @@ def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
     """
     q = list(c[zeros:])
     if zeros and len(q) > 1 and all(abs(low) <= LEVELS.known_zero_level * abs(q[0]) for low in c[:zeros]):
-        head, factor = arb_poly(c[: zeros + LEADING_COEFFICIENTS]), [arb(0)] * zeros
+        head = arb_poly(c[: zeros + 26])  # as many as determine the zeros near 0 to full precision
+        factor = [arb(0)] * zeros
         for _ in range(FLAT_STEPS):
             before = factor.copy()
             for i in range(zeros):

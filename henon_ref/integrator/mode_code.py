@@ -64,11 +64,6 @@ class ModeCode:
     """Maps of the system's resets, if compiled code applies them."""
 
     @property
-    def guards_branch_alone(self) -> bool:
-        """Whether a guard has operations with branch points and the field has none."""
-        return any(self.guards_branch) and not self.field_branches
-
-    @property
     def tapes(self) -> tuple[ModeTape, ...]:
         """Tapes whose constants the compiled loop reads, in its order; their number is the same for all modes."""
         return (self.expansion, self.probe, *([] if self.jumps is None else [self.jumps]))

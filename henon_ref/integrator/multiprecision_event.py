@@ -35,22 +35,14 @@ from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS, ONE, fixed_point
 
-PAIR_ROUNDING = 2.0**-106
-"""Relative rounding error of a pair of doubles; a smaller second double is replaced by 0."""
 FLAT_LEVEL = 1e-6
 """Relative size above which a minimum is certainly not affected by rounding."""
 SMALL_PART = 2.0**-40
 """Perturbation of the state relative to its rounding error, for the first-order change of a minimum."""
 LEAST_MOVE = 1e-40
 """Relative change of a minimum below which it is of higher order, or rounding of multiprecision itself."""
-EXPANDED_PART = 1.25
-"""Length of the expansion relative to the distance of the suspected event."""
 SAME_MINIMUM_PART = 1e-12
 """Distance, relative to the step, within which a minimum above zero is passed together with another minimum."""
-TIE_LEVELS = (1e-15, 0.0)
-"""Relative levels of zero if ball arithmetic finds no mode, because rounding has split a tie of steep guards."""
-_STEP_MARGIN = 1 + arb(2) ** -46
-"""Factor of the step's length: a root that rounding has put at the end of the step may lie just beyond it."""
 
 
 class UndecidedStep(NamedTuple):
@@ -100,7 +92,8 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | Non
     """
     with working_precision(BITS):
         start = arb(step.time[0]) + arb(step.time[1])
-        unit = arb(min(step.length, EXPANDED_PART * step.suspect)) * _STEP_MARGIN
+        # A root that rounding has put at the end of the step may lie just beyond it.
+        unit = arb(min(step.length, 1.25 * step.suspect)) * (1 + arb(2) ** -46)
         states, outputs, whole = modes.expand(step.mode, start, step.state, unit)
         if step.guard is None and not whole and len(outputs[0]) > MOST_ORDER:
             return None
@@ -224,7 +217,8 @@ def _next_mode(
     """Return the decision on the mode after guards have fallen at a point, and the known zeros of its guards there.
 
     Rounding moves a sliding state off its surfaces; its ball is widened by this distance. If rounding has split a tie
-    of steep guards, no mode may be consistent; then double precision decides, as it does for ordinary events.
+    of steep guards, no mode may be consistent; then double precision decides, as it does for ordinary events, with
+    these relative levels of zero.
     """
     time, state = point
     sliding = [i for i, s in enumerate(mode) if s == 0]
@@ -233,7 +227,7 @@ def _next_mode(
     at = modes.in_balls.at(time, state)
     decision = after_event(at, mode, hits)
     if decision.status == "none":
-        at = modes.in_doubles.at(float(time), [float(x) for x in state], TIE_LEVELS)
+        at = modes.in_doubles.at(float(time), [float(x) for x in state], (1e-15, 0.0))
         decision = after_event(at, mode, hits)
     if decision.mode is None:
         return decision, ()
@@ -259,7 +253,7 @@ def _unless_unique(
 
 
 def _split(number: arb) -> Pair:
-    """Return a number as a pair of doubles."""
+    """Return a number as a pair of doubles; a second one below the rounding error of pairs is replaced by 0."""
     high = float(number)
     low = float(number - high)
-    return high, (low if abs(low) > PAIR_ROUNDING * abs(high) else 0.0)
+    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)

@@ -17,7 +17,8 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.integrator.transition_array import KINDS, TransitionArray
 from henon_ref.simulation.system import System
-from henon_ref.system.tree import MappingNode, as_written, tree_of
+from henon_ref.system.python_values import tree_of
+from henon_ref.system.tree import MappingNode, as_written
 from henon_ref.trajectory import Counts, Decisions, Trajectory
 
 FORMAT = 1

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from henon_ref.figures.motion import Motion
 
-SHOWN = 10
-"""Largest number of transitions that a notebook shows."""
 _NO_DENSE = "requires dense output: simulate with dense_output=True"
 
 
@@ -336,6 +334,6 @@ class Solution(Outcome):
 
     def _repr_html_(self) -> str:
         changes = self.transitions
-        shown = changes.head(SHOWN).to_html(index=False, float_format=lambda value: f"{value:.10g}")
-        more = f"<p>and {len(changes) - SHOWN} more</p>" if len(changes) > SHOWN else ""
+        shown = changes.head(10).to_html(index=False, float_format=lambda value: f"{value:.10g}")
+        more = f"<p>and {len(changes) - 10} more</p>" if len(changes) > 10 else ""
         return f"<p>{html.escape(repr(self))}</p>{shown if len(changes) else ''}{more}"

@@ -18,20 +18,19 @@ from henon_ref.modes.preparation import parameters_in_exponents, with_rational_e
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.calls import explained
 from henon_ref.system.problem import MODEL_KEYS, written_model
-from henon_ref.system.source import OwnStart, Source
-from henon_ref.system.tree import (
-    MappingNode,
+from henon_ref.system.python_values import (
     Number,
-    ScalarNode,
+    OwnStart,
     argument_error,
     as_given,
-    child,
     mapping,
-    merged,
     python_number,
+    source_of,
     tree_of,
     written_name,
 )
+from henon_ref.system.source import Source
+from henon_ref.system.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -154,7 +153,7 @@ class System:
         """Read the system of a case that has been checked, with its start and horizon."""
         self = cls.__new__(cls)
         self._read(source.tree, source=source)
-        self.own_start = source.own_start(self.state)
+        self.own_start = OwnStart.of(source, self.state)
         return self
 
     @classmethod
@@ -173,7 +172,7 @@ class System:
         try:
             check_form(self.tree)
             with one_at_a_time():
-                self._written, self._names = written_model(source or Source.of_python(self.tree))
+                self._written, self._names = written_model(source or source_of(self.tree))
                 self.model = with_rational_exponents(self._written)
         except HenonRefError as error:
             raise argument_error(error, declared) from None

@@ -68,11 +68,9 @@ class Sticks(Observation):
     def _on_surface(self, runs: Runs, surface: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Return the transitions that end sticks (indices), and the starts of the sticks with their rounding errors."""
         at, before, after = runs.changes(surface)
-        if not at.size:
-            return at, np.zeros(0), np.zeros(0)
-        at = at[(before == 0) != (after == 0)]
-        leaves = runs.entries[runs.records["to_mode"][at], surface] != 0
-        first = np.append(True, runs.run[at[1:]] != runs.run[at[:-1]]) if at.size else np.zeros(0, dtype=bool)
+        changed = (before == 0) != (after == 0)
+        at, leaves = at[changed], after[changed] != 0
+        first = rank_in_run(runs.run[at]) == 0
         entered = np.roll(at, 1)  # the previous change began the stick, if it is of the same run
         begin = np.where(first, runs.times[runs.run[at], 0, 0], runs.records["time"][entered])
         low = np.where(first, 0.0, runs.records["time_low"][entered])

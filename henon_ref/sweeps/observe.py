@@ -27,9 +27,6 @@ from henon_ref.sweeps.observations import (
 from henon_ref.sweeps.run_by_run import VALUE, Function, Lyapunov
 from henon_ref.text import listed
 
-LONGEST_NAME = 60
-"""Largest number of characters of a name; the name of a table is that of a folder."""
-
 
 @explained
 def sticks(after: float = 0, surface: str | None = None, each: bool = False) -> Observation:
@@ -198,10 +195,8 @@ def _flag(value: Any, what: str) -> bool:
 
 
 def _name(value: Any) -> str:
-    if not isinstance(value, str) or not value.isidentifier() or len(value) > LONGEST_NAME:
-        raise ArgumentError(
-            f"name is {str(value)[:60]!r}; wanted letters, digits and underscores, {LONGEST_NAME} at most"
-        )
+    if not isinstance(value, str) or not value.isidentifier() or len(value) > 60:  # a table's name is that of a folder
+        raise ArgumentError(f"name is {str(value)[:60]!r}; wanted letters, digits and underscores, 60 at most")
     return value
 
 

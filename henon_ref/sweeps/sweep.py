@@ -27,8 +27,6 @@ from henon_ref.terminal import Line, in_notebook, notice_if_slow
 from henon_ref.workers.executors import EndedError, check_executor, finished, processors
 
 _LOG = logging.getLogger(__name__)
-MOST_WARNINGS = 5
-"""Largest number of warnings about points without a run."""
 TASK_SECONDS = 0.1
 """Intended processor time of a task [s]; short chunks are combined, because each task has an overhead."""
 PERIOD = 0.2
@@ -193,7 +191,7 @@ def _run(
                     if folder is not None:
                         folder.write(number, tables)
                     count += 1
-                    refused += tables.refused[: MOST_WARNINGS - len(refused)]
+                    refused += tables.refused[: 5 - len(refused)]  # 5 warnings are enough
                     advance(len(plan.chunks[number]), False)
                     yield number, tables
     except EndedError as error:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import sympy as sp
 
@@ -24,7 +24,7 @@ from henon_ref.expressions.evaluation import (
     parse_number,
     read,
 )
-from henon_ref.expressions.grammar import MAX_STATES, MOST_STATES, may_have_kinks, name_problem
+from henon_ref.expressions.grammar import MAX_STATES, may_have_kinks, name_problem
 from henon_ref.expressions.operations import Work, key_of, overlaid
 from henon_ref.system.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
 from henon_ref.taylor.tape import TIME
@@ -34,15 +34,6 @@ T = TypeVar("T")
 WITH_VALUES = " (with the values of the parameters)"
 Path = Sequence[str | int]
 """Keys and indices from the top of the file, as ``("system", "field", 0)``."""
-
-
-class OwnStart(NamedTuple):
-    """Start and horizon of a case's reading, as written in the file."""
-
-    initial: dict[str, str]
-    start: str
-    until: str
-    mode: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -56,19 +47,6 @@ class Source:
     work: Work = field(default_factory=Work, compare=False)
     """Cache and cost of the expressions of the file, shared by all readings."""
     most_states: int = MAX_STATES
-
-    @classmethod
-    def of_python(cls, tree: MappingNode) -> Source:
-        """Source of a model from Python; its allowed work grows with the number of states."""
-        state = child(tree, ["system", "state"])
-        parts = len(state.items) // MAX_STATES if isinstance(state, SequenceNode) else 0
-        return cls(tree, work=Work(files=1 + parts), most_states=MOST_STATES)
-
-    def own_start(self, states: Sequence[str]) -> OwnStart:
-        """Return the start and horizon of a reading."""
-        mode = {name: int(self.text(("initial", "mode", name))) for name in self.keys(("initial", "mode"))}
-        initial = {x: self.text(("initial", x)) for x in states}
-        return OwnStart(initial, self.word(("initial", "t"), "0"), self.text(("until",)), mode)
 
     def error(self, path: Path, message: str, *, key: bool = False) -> CaseError:
         """Return an error at the value that a path leads to (``key``: at its key)."""

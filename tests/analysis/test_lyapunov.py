@@ -17,7 +17,7 @@ from henon_ref.analysis.variational import Saltation
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
-from henon_ref.harness.studies.paper.timeseries import Settings, time_series_spectrum
+from henon_ref.harness.studies.paper.section5 import Settings, time_series_spectrum
 
 CASES = Path(__file__).parents[2] / "cases"
 COULOMB = -0.100941319552190

@@ -12,8 +12,9 @@ from henon_ref.casefile.form import read_form
 from henon_ref.casefile.schema import CaseForm, Gate, Published, check_form
 from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.errors import CaseError
+from henon_ref.system.python_values import tree_of
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, tree_of
+from henon_ref.system.tree import MappingNode
 
 REST: dict[str, Any] = {"schema": 1, "name": "system", "title": "system", "initial": {}, "until": 1}
 SYSTEM = {"state": ["x", "v"], "field": ["v", "-x - F*s"], "surfaces": {"s": "v"}, "parameters": {"F": 0.5}}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from henon_ref.commands.demo import command
+from henon_ref.commands.simulate import demo_command as command
 
 
 def test_it_draws_a_picture_and_says_where(

@@ -50,7 +50,7 @@ SUBCOMMANDS = {
     "explain": Subcommand("explain_cases:command", "Explain case files without a run."),
     "gate": Subcommand("gate:command", "Check reports against their cases' gates, and against an earlier comparison."),
     "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
-    "demo": Subcommand("commands.demo:command", "Draw a stick-slip orbit with its transitions."),
+    "demo": Subcommand("commands.simulate:demo_command", "Draw a stick-slip orbit with its transitions."),
     "simulate": Subcommand("commands.simulate:command", "Simulate one case; print its transitions, and draw the run."),
     "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
     "cases": Subcommand("lists:cases_command", "List cases: names, sizes, titles, and tags."),

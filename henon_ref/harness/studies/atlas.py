@@ -120,7 +120,8 @@ def run_atlas(request: StudyRequest) -> StudyResult:
     rows = rows_of([family.case for family in found], changed, request.observer)
     sections, figures = [], {}
     for family in found:
-        case, own = family.case, rows[family.case.name]
+        case = family.case
+        own = [row for row in rows if row.case == case.name]
         figures[f"{case.name}.svg"] = draw_atlas(family, own)
         sections.append(
             {
@@ -130,15 +131,14 @@ def run_atlas(request: StudyRequest) -> StudyResult:
                 "counts": count_table(own).markdown,
             }
         )
-    every = [row for own in rows.values() for row in own]
     context = {
         "sections": sections,
-        "runs": len(every),
+        "runs": len(rows),
         "tightest": exponential(min(TOLERANCES), 1),
         "loosest": exponential(max(TOLERANCES), 1),
         "origin": request.origin,
     }
-    return StudyResult(write(request.folder, "atlas", context, {RUNS: rows_text(RunRow, every)}, figures))
+    return StudyResult(write(request.folder, "atlas", context, {RUNS: rows_text(RunRow, rows)}, figures))
 
 
 def solvers_of(rows: Sequence[RunRow]) -> list[str]:

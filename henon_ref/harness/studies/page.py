@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
@@ -27,18 +26,16 @@ from henon_ref.trajectory import Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-NONE: Mapping[str, Any] = MappingProxyType({})
 
-
-def rows_of(cases: Sequence[Case], options: Options, observer: ProgressLine) -> dict[str, list[RunRow]]:
-    """Run the cases; return the rows of ``runs.csv`` by the name of the case, in the order of the cases."""
-    found: dict[str, list[RunRow]] = {case.name: [] for case in cases}
+def rows_of(cases: Sequence[Case], options: Options, observer: ProgressLine) -> list[RunRow]:
+    """Run the cases; return the rows of ``runs.csv`` in the order of the cases."""
+    found: dict[str, list[RunRow]] = {}
 
     def deliver(comparison: Comparison) -> None:
         found[comparison.case.name] = comparison.run_rows
 
     compare_all(cases, options, deliver, observer=observer)
-    return found
+    return [row for case in cases for row in found.get(case.name, [])]
 
 
 def shipped_problem(case: str, reading: str = "default") -> Problem:
@@ -67,28 +64,13 @@ def write(
     folder: Path,
     template: str,
     context: Mapping[str, Any],
-    tables: Mapping[str, str] = NONE,
-    figures: Mapping[str, Figure] = NONE,
+    tables: Mapping[str, str] = {},
+    figures: Mapping[str, Figure] = {},
 ) -> Path:
-    """Write a study's files, then the page that links to them; each file is replaced atomically.
+    """Write a study's files, then the page that links to them, and return its path; each file is replaced atomically.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the study; created if it does not exist.
-    template : str
-        Name of the page's template, without its suffix.
-    context : mapping
-        Values of the template, among them ``origin``, a Provenance.
-    tables : mapping of str
-        CSV text by file name.
-    figures : mapping of Figure
-        Figures by file name; written as SVG.
-
-    Returns
-    -------
-    Path
-        The page.
+    The folder is created if it does not exist. ``template`` is a name without its suffix, ``context`` has the
+    template's values, and ``tables`` (CSV text) and ``figures`` (written as SVG) are by file name.
 
     Raises
     ------

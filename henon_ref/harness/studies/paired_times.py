@@ -51,8 +51,8 @@ def run_paired_times(request: StudyRequest) -> StudyResult:
         if not file.is_file():
             raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
     runs = {name: read_rows(RunRow, file) for name, file in files.items()}
-    timings = {case.name: list(timings_of(case, runs[case.name], request.options.timeout)) for case in request.cases}
-    if not any(timings.values()):
+    timings = [own for case in request.cases for own in timings_of(case, runs[case.name], request.options.timeout)]
+    if not timings:
         return StudyResult(None)
     rows, failed = time_pairs(timings, request.options, request.observer)
     every = [row for own in runs.values() for row in own]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from statistics import median
 from time import perf_counter
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -135,18 +136,23 @@ def _cheapest(rows: Sequence[RunRow], solvers: Collection[str]) -> tuple[RunRow,
     return tuple(sorted(own, key=lambda row: number(row.wall_s))[:CANDIDATES])
 
 
-class _WithOwn:
-    """Proxy of an object of heyoka in which some functions are replaced."""
+class _Clocked:
+    """Integrator of heyoka that appends the time of each call of ``propagate_until`` to ``spent_s``."""
 
-    def __init__(self, theirs: Any, **ours: Callable[..., Any]) -> None:
-        object.__setattr__(self, "_theirs", theirs)
-        vars(self).update(ours)
+    def __init__(self, integrator: Any, spent_s: list[float]) -> None:
+        vars(self).update(_integrator=integrator, _spent_s=spent_s)
+
+    def propagate_until(self, *args: Any, **options: Any) -> Any:
+        began = perf_counter()
+        result = self._integrator.propagate_until(*args, **options)
+        self._spent_s.append(perf_counter() - began)
+        return result
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._theirs, name)
+        return getattr(self._integrator, name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        setattr(self._theirs, name, value)
+        setattr(self._integrator, name, value)
 
 
 @dataclass(frozen=True)
@@ -160,18 +166,10 @@ class ClockedHeyoka(HeyokaTaylor):
         """Return the module with integrators whose calls of ``propagate_until`` are timed."""
         module = super().load()
 
-        def taylor_adaptive(*args: Any, **options: Any) -> _WithOwn:
-            made = module.taylor_adaptive(*args, **options)
+        def taylor_adaptive(*args: Any, **options: Any) -> _Clocked:
+            return _Clocked(module.taylor_adaptive(*args, **options), self.spent_s)
 
-            def propagate_until(*args: Any, **options: Any) -> Any:
-                began = perf_counter()
-                result = made.propagate_until(*args, **options)
-                self.spent_s.append(perf_counter() - began)
-                return result
-
-            return _WithOwn(made, propagate_until=propagate_until)
-
-        return _WithOwn(module, taylor_adaptive=taylor_adaptive)
+        return SimpleNamespace(**vars(module) | {"taylor_adaptive": taylor_adaptive})
 
 
 def clocked(solver: Solver) -> ClockedHeyoka | None:
@@ -184,15 +182,7 @@ def clocked(solver: Solver) -> ClockedHeyoka | None:
 def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: int) -> float | None:
     """Median over rounds of the time of the library's own calls divided by that of a whole run; None if unknown.
 
-    Parameters
-    ----------
-    solver : str
-    run : callable
-        Its run.
-    prepare : callable
-        Prepares the same run by a solver.
-    rounds : int
-        One more is made first, to warm up.
+    ``prepare`` prepares the same run as ``run`` by a solver. One more round is made first, to warm up.
     """
     own = clocked(registry.solver(solver))
     if own is None:
@@ -279,27 +269,26 @@ class PairedTiming:
 
 
 def time_pairs(
-    timings: Mapping[str, Sequence[PairedTiming]], options: Options, observer: ProgressLine
+    timings: Sequence[PairedTiming], options: Options, observer: ProgressLine
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time pairs by case, each job in one worker; return the rows, and a sentence for each that cannot be timed."""
-    rows: list[TimedPair] = []
+    """Time pairs, each job in one worker; return the rows, and a sentence for each job that fails."""
+    rows: dict[int, list[TimedPair]] = {}
     failed: list[str] = []
 
-    def jobs(own: Sequence[PairedTiming]) -> Jobs:
-        for timing in own:
-            result = yield Job(timing.run, (), timing.seconds)
-            if isinstance(result, Failure):
-                whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
-                failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
-                _LOG.info("no alternating runs: %s", failed[-1])
-            else:
-                rows.extend(result)
+    def job(k: int, timing: PairedTiming) -> Jobs:
+        result = yield Job(timing.run, (), timing.seconds)
+        if isinstance(result, Failure):
+            whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
+            failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")
+            _LOG.info("no alternating runs: %s", failed[-1])
+        else:
+            rows[k] = result
 
     pool = WorkerPool(workers=options.processes, memory=options.memory)
-    for own in timings.values():
-        pool.add("timings", jobs(own))
+    for k, timing in enumerate(timings):
+        pool.add("timings", job(k, timing))
     pool.run(observer.tick)
-    return [row for case in timings for row in rows if row.case == case], failed
+    return [row for k in sorted(rows) for row in rows[k]], failed
 
 
 def own_words(rows: Sequence[PairRow]) -> str:

@@ -7,6 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar, get_args
 
+from henon_ref.baselines.adapter import Adapter
+from henon_ref.baselines.heyoka_taylor import HEYOKA
+from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.jobs import stored_statement
@@ -14,8 +17,7 @@ from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.score.errors import EARLY
-from henon_ref.harness.score.ranking import LEVELS
-from henon_ref.harness.studies.location_options import OptionRow, option_rows, option_table, options_of
+from henon_ref.harness.score.ranking import LEVELS, grouped
 from henon_ref.harness.studies.page import report_link, rows_of, write
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
@@ -27,6 +29,8 @@ MOST = LEVELS[-1]
 QUICKER = 0.8
 """At equal right runs and digits, a restart is better if it takes less than this part of the time. Other work on the
 machine changes times by less."""
+TIGHTEST = 1e-300
+"""Absolute tolerance of a root's time [s], so small that only the relative tolerance, 4 eps, has an effect."""
 Ending = Literal["right", "wrong", "ended_early", "failed"]
 ENDINGS = get_args(Ending)
 """Kinds of a run's end: transitions of the exact run, other transitions, before the horizon, or failed."""
@@ -57,7 +61,25 @@ class SuiteRow(Row):
     """Sum of the times of the right runs [s]."""
 
 
-LibraryRow = TypeVar("LibraryRow", SuiteRow, OptionRow)
+@dataclass(frozen=True)
+class OptionRow(Row):
+    """Results of a library without and with an option."""
+
+    solver: str
+    option: str
+    runs: int
+    """Number of runs that were made both without and with the option."""
+    right_without: int
+    right_with: int
+    without_alone: int
+    """Runs that are right only without the option."""
+    with_alone: int
+    digits_without: float
+    """Sum of the digits, over the runs that are right both without and with the option."""
+    digits_with: float
+
+
+LibraryRow = TypeVar("LibraryRow", bound=SuiteRow | OptionRow)
 
 
 @dataclass(frozen=True)
@@ -67,6 +89,9 @@ class Merit:
     right: int
     digits: float
     wall_s: float
+
+    def __str__(self) -> str:
+        return f"right in {self.right}, {self.digits:.1f} digits, {self.wall_s:.3g} s"
 
     def beats(self, other: Merit) -> bool:
         """Check whether this result is better: more right runs, or then more digits, or then clearly less time."""
@@ -93,13 +118,10 @@ def run_restarts(request: StudyRequest) -> StudyResult:
     options = options_of(libraries)
     solvers: tuple[Any, ...] = (*ways, *(solver for *_, solver in options))
     changed = replace(request.options, solvers=solvers, timed=False, folder=request.folder)
-    every = [row for own in rows_of(cases, changed, request.observer).values() for row in own]
+    every = rows_of(cases, changed, request.observer)
     rows = [row for row in every if row.solver in ways]
     suite = merged(suite_rows(rows), earlier_rows(SuiteRow, request.folder / SUITE))
-    tried = option_rows(options, every)
-    ran = {row.solver for row in tried}
-    tried += [row for row in earlier_rows(OptionRow, request.folder / OPTIONS) if row.solver not in ran]
-    tried = by_library(tried)
+    tried = merged(option_rows(options, every), earlier_rows(OptionRow, request.folder / OPTIONS))
     context = {
         "runs": f"{sum(row.runs for row in suite)}",
         "cases": len({row.case for row in suite}),
@@ -131,26 +153,19 @@ def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
 
 def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
     """Sum rows of runs, whose solver names include their restarts, to rows of the suite."""
-    own: dict[tuple[str, str, str], list[RunRow]] = {}
-    solved: set[tuple[object, ...]] = set()
-    for row in runs:
-        if row.status not in NOT_RUN:
-            key = row.case, registry.base_name(row.solver), registry.restart_of(row.solver)
-            own.setdefault(key, []).append(row)
-            if row.verdict == "right":
-                solved.add(_problem(row))
+    made = [row for row in runs if row.status not in NOT_RUN]
+    solved = {_problem(row) for row in made if row.verdict == "right"}
     found = []
-    for key, rows in own.items():
+    for (case, solver), rows in grouped(made, lambda row: (row.case, row.solver)).items():
         right = [row for row in rows if row.verdict == "right"]
         ends = Counter(map(ending, rows))
         found.append(
             SuiteRow(
-                *key,
+                case,
+                registry.base_name(solver),
+                registry.restart_of(solver),
                 runs=len(rows),
-                right=ends["right"],
-                wrong=ends["wrong"],
-                ended_early=ends["ended_early"],
-                failed=ends["failed"],
+                **{end: ends[end] for end in ENDINGS},
                 missed=sum(row.missed or 0 for row in rows),
                 spurious=sum(row.spurious or 0 for row in rows),
                 elsewhere=sum(row.verdict != "right" and _problem(row) in solved for row in rows),
@@ -175,22 +190,21 @@ def ending(row: RunRow) -> Ending:
     return "ended_early" if row.status in EARLY else "wrong"
 
 
-def merged(fresh: Sequence[SuiteRow], earlier: Sequence[SuiteRow]) -> list[SuiteRow]:
+def merged(fresh: Sequence[LibraryRow], earlier: Sequence[LibraryRow]) -> list[LibraryRow]:
     """Fresh rows, and earlier rows of cases and libraries without fresh ones, sorted by case and library."""
-    present = {(row.case, row.solver) for row in fresh}
-    rows = [*fresh, *(row for row in earlier if (row.case, row.solver) not in present)]
-    return sorted(by_library(rows), key=lambda row: row.case)
+
+    def key(row: SuiteRow | OptionRow) -> tuple[str, str]:
+        return getattr(row, "case", ""), row.solver  # the row of an option is for all cases
+
+    present = set(map(key, fresh))
+    rows = [*fresh, *(row for row in earlier if key(row) not in present)]
+    libraries = libraries_of(rows)
+    return sorted(rows, key=lambda row: (key(row)[0], libraries.index(row.solver)))
 
 
 def libraries_of(rows: Iterable[SuiteRow | OptionRow]) -> list[str]:
     """Libraries of the rows, in the registry's order."""
     return registry.in_order(row.solver for row in rows)
-
-
-def by_library(rows: Sequence[LibraryRow]) -> list[LibraryRow]:
-    """Rows in the registry's order of their libraries."""
-    libraries = libraries_of(rows)
-    return sorted(rows, key=lambda row: libraries.index(row.solver))
 
 
 def merits(rows: Sequence[SuiteRow], library: str) -> dict[str, Merit]:
@@ -215,13 +229,9 @@ def wrong_defaults(rows: Sequence[SuiteRow]) -> list[str]:
     for library in libraries_of(rows):
         own, default = merits(rows, library), registry.restart_of(library)
         if (best := best_restart(own)) != default:
-            words = f"{library}: its default is {default} ({_described(own.get(default))}), "
-            found.append(f"{words}better is {best} ({_described(own[best])})")
+            words = f"{library}: its default is {default} ({own.get(default, 'not run')}), "
+            found.append(f"{words}better is {best} ({own[best]})")
     return found
-
-
-def _described(merit: Merit | None) -> str:
-    return "not run" if merit is None else f"right in {merit.right}, {merit.digits:.1f} digits, {merit.wall_s:.3g} s"
 
 
 def summary_table(suite: Sequence[SuiteRow]) -> Table:
@@ -259,11 +269,8 @@ def default_table(suite: Sequence[SuiteRow]) -> Table:
 
 def beaten_table(rows: Sequence[SuiteRow]) -> Table:
     """Table of the cases in which another restart is right more often than a library's default."""
-    cases: dict[str, list[SuiteRow]] = {}
-    for row in rows:
-        cases.setdefault(row.case, []).append(row)
     lines = []
-    for case, own in cases.items():
+    for case, own in grouped(rows, lambda row: row.case).items():
         groups: dict[tuple[str, ...], list[str]] = {}
         for library in libraries_of(own):
             if cells := _beaten(own, library):
@@ -285,3 +292,55 @@ def _beaten(rows: Sequence[SuiteRow], library: str) -> tuple[str, ...] | None:
     names = (name for name in COUNTED[1:-1] if getattr(mine, name))
     wrong = ", ".join(f"{getattr(mine, name)} {name.replace('_', ' ')}" for name in names)
     return code(default), f"{mine.right} of {mine.runs}", best, f"{most} of {mine.runs}", wrong
+
+
+def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
+    """Options of the libraries' event location: name of the library, description, solver with the option.
+
+    SUNDIALS has no such option except the direction, in which two of the restarts differ.
+    """
+    cooldown = replace(HEYOKA, name="heyoka (cooldown)", cooldown="automatic")
+    found: list[tuple[str, str, Adapter]] = [("heyoka", "`cooldown`: heyoka's own", cooldown)]
+    for own in (RK45, DOP853, RADAU, BDF, LSODA):
+        again = replace(own, name=f"{own.name} (root)", root_tolerance=TIGHTEST)
+        found.append((own.name, f"the root located again, `xtol` {TIGHTEST:g}", again))
+    return [option for option in found if option[0] in libraries]
+
+
+def option_rows(options: Sequence[tuple[str, str, Adapter]], runs: Sequence[RunRow]) -> list[OptionRow]:
+    """Compare the runs of each library with its default restart, without and with an option."""
+    found = []
+    for library, words, solver in options:
+        default = registry.with_restart(library, registry.restart_of(library))
+        without, with_it = (
+            {(row.case, row.reading, row.rtol): row for row in runs if row.solver == name and row.status not in NOT_RUN}
+            for name in (default, solver.name)
+        )
+        pairs = [(row, with_it[problem]) for problem, row in without.items() if problem in with_it]
+        right = Counter((a.verdict == "right", b.verdict == "right") for a, b in pairs)
+        both = [pair for pair in pairs if pair[0].verdict == pair[1].verdict == "right" and pair[0].digits is not None]
+        found.append(
+            OptionRow(
+                solver=library,
+                option=words,
+                runs=len(pairs),
+                right_without=right[True, True] + right[True, False],
+                right_with=right[True, True] + right[False, True],
+                without_alone=right[True, False],
+                with_alone=right[False, True],
+                digits_without=round(sum(min(a.digits or 0.0, MOST) for a, _ in both), 1),
+                digits_with=round(sum(min(b.digits or 0.0, MOST) for _, b in both), 1),
+            )
+        )
+    return found
+
+
+def option_table(rows: Sequence[OptionRow]) -> Table:
+    """Table of the options."""
+    headings = (
+        "library", "option", "runs", "right without", "right with", "right without alone", "right with alone",
+        "digits where both are right, without", "with",
+    )  # fmt: skip
+    numbers = OptionRow.columns()[2:]
+    lines = [(code(row.solver), row.option, *(f"{value:g}" for value in row.values(numbers))) for row in rows]
+    return Table(headings, "ll" + "r" * len(numbers), lines)

@@ -67,9 +67,6 @@ class _Reading:
         self.constants.append(tuple(found))
         return (Factor(1, (len(self.constants) - 1,)),)
 
-    def constant(self, index: int) -> None:
-        self.constants.append((Factor(1, (index,)),))
-
     def made(self, op: str, **rest: object) -> tuple[Shape, Operands]:
         series = tuple((at < 0, min(self.degrees[at], self.order)) for at in self.series)
         shape = Shape(op, series, len(self.constants), **rest)  # type: ignore[arg-type]
@@ -136,10 +133,10 @@ class Shapes:
         if node.op == "clock" or timed:
             clock, lost = self.tape.nodes[node.args[0]] if timed else node, len(self.tape.constants)
             for index in (*clock.constants, *(index + lost for index in clock.constants)):
-                reading.constant(index)
+                reading.factors([Factor(1, (index,))])
             return reading.made(f"{node.op} of time" if timed else node.op)
         for index in node.constants:
-            reading.constant(index)
+            reading.factors([Factor(1, (index,))])
         if node.op == "recip":
             below = self._forms.below(node.args[0])
             (x,) = below.terms

@@ -94,8 +94,8 @@ def test_a_run_ends_where_its_field_does(solver, tolerance) -> None:
 @installed
 def test_readings_that_differ_in_parameters_share_one_program_that_is_kept(monkeypatch) -> None:
     made = []
-    compile_ = build._compile
-    monkeypatch.setattr(build, "_compile", lambda *arguments: (made.append(arguments[-1]), compile_(*arguments)))
+    compile_ = build.compile_program
+    monkeypatch.setattr(build, "compile_program", lambda *arguments: (made.append(arguments[-1]), compile_(*arguments)))
     text = BLOCK.replace("block", f"block{id(made)}")
     first, weaker = (reading.problem for reading in henon_ref.parse_case(text).readings)
     equations = [c_equations(problem_text(problem, (-1,))) for problem in (first, weaker)]

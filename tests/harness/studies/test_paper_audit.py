@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from henon_ref.baselines.paper.compiled import ffi
-from henon_ref.baselines.paper.listing import LISTING
-from henon_ref.baselines.paper.listing_variants import DEFECTS, fig8_numbers, run_variant
+from henon_ref.baselines.paper import ffi
+from henon_ref.baselines.paper.listing import DEFECTS, LISTING, fig8_numbers, run_variant
 from henon_ref.harness.studies.paper.audit import (
     ADDED,
     CROSSING_START,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import os
 import re
@@ -25,43 +27,43 @@ from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
-from henon_ref.harness.studies.price import compiling, effects
-from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
-from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
+from henon_ref.harness.studies.price import ladder
+from henon_ref.harness.studies.price.chains import ManyContacts, Size, contact_table, many_contacts, sizes
 from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
     WHEN_NAMED,
-    SampleRow,
+    Ready,
     mean_costs,
+    readiness,
+    ready_table,
     rival_table,
-    samples_of,
+    samples_text,
     solvers,
     time_ladder_pairs,
     why_not,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import fitted, power
-from henon_ref.harness.studies.price.operations import Work, count, work
-from henon_ref.harness.studies.price.page import Prices, write_page
-from henon_ref.harness.studies.price.states import Size, sizes
+from henon_ref.harness.studies.price.measure import fitted, in_fresh_process
+from henon_ref.harness.studies.price.operations import BODIES, Body, Work, additions, count, work
+from henon_ref.harness.studies.price.page import write_page
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 
 CASES = Path(__file__).parents[3] / "cases"
 
 
-@pytest.mark.parametrize("body", effects.BODIES, ids=lambda body: body.name)
-def test_effects_that_are_named_cost_operations_even_at_zero(body: effects.Body) -> None:
-    *added, _ = effects.additions(body)
+@pytest.mark.parametrize("body", BODIES, ids=lambda body: body.name)
+def test_effects_that_are_named_cost_operations_even_at_zero(body: Body) -> None:
+    *added, _ = additions(body)
     every = operations(mode_tape(added[-1][1].system))
     for _, own, carried in added:
         assert operations(mode_tape(own.system)) <= operations(mode_tape(carried.system)) == every
 
 
 def test_runs_of_added_effects_have_no_transition_and_those_that_stick_have() -> None:
-    for body in effects.BODIES:
-        problems = [own for _, own, _ in effects.additions(body)]
+    for body in BODIES:
+        problems = [own for _, own, _ in additions(body)]
         counts = [len(HENON_SOLVER.prepare(problem, rtol=1e-6)().transitions) for problem in problems]
         assert not any(counts[:-1])
         assert counts[-1] > 10
@@ -86,11 +88,14 @@ def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
 
 
 def test_powers_are_fitted_with_their_errors() -> None:
-    assert str(power([1, 10, 100], [2, 200, 20000])) == "2.00 ± 0.00"
-    tilted = power([1, 10, 100], [1, 10 * 2, 100])  # the middle one is off by log10(2)
-    assert (tilted.power, tilted.error) == pytest.approx((1.0, math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)))
-    runs = [Horizon("a", t, 1, 1e-6 * t, 0.0, 0.0) for t in (1e2, 1e3, 1e4, 1e5)]
-    assert fitted([replace(runs[0], wall_s=1.0), *runs[1:]], "a", "until", "wall_s", 1e3).power == pytest.approx(1.0)
+    def power(*walls: float) -> str:
+        runs = [Horizon("a", 10.0 ** (k + 2), 1, wall, 0.0, 0.0) for k, wall in enumerate(walls)]
+        return fitted(runs, "a", "until", "wall_s", 1e3)
+
+    assert power(1.0, 2.0, 200.0, 20000.0) == "2.00 ± 0.00"  # the first one is before the smallest horizon
+    error = math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)
+    assert power(1.0, 1.0, 10 * 2, 100.0) == f"1.00 ± {error:.2f}"  # the middle one is off by log10(2)
+    assert (power(1.0, 1.0, 10.0), power(1.0, 1.0)) == ("1.00", "?")
 
 
 def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
@@ -181,9 +186,9 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
         assert pair.rival_wall_s > 0
     table = rival_table(found).rows
     assert [cells[:2] for cells in table] == [(case.name, "3"), (case.name, "6"), (case.name, "9")]
-    samples = samples_of(found)
-    assert [(own.solver, own.digits) for own in samples[:2]] == [("henon", 3), ("heyoka", 3)]
-    assert all(len(own.samples_us.split()) == found[0].rounds for own in samples)
+    samples = list(csv.DictReader(io.StringIO(samples_text(found))))
+    assert [(own["solver"], own["digits"]) for own in samples[:2]] == [("henon", "3"), ("heyoka", "3")]
+    assert all(len(own["samples_us"].split()) == found[0].rounds for own in samples)
 
 
 def test_a_change_of_the_machines_pace_does_not_change_a_ratio() -> None:
@@ -246,12 +251,12 @@ def test_chains_of_every_length_agree() -> None:
     assert [size.states for size in found] == [2, 2, 6, 6]
     assert all(size.agrees and size.transitions > 5 for size in found)
     same = [Size(n, "a", 1, n**1.5, 1.0, 1.0, 10, n**2.0, 1.0, True) for n in (2, 16, 64)]
-    assert fitted(same, "a", "states", "per_second", 16).power == pytest.approx(2.0)
-    assert fitted(same, "a", "states", "ready_s", 16).power == pytest.approx(1.5)
+    assert fitted(same, "a", "states", "per_second", 16) == "2.00"
+    assert fitted(same, "a", "states", "ready_s", 16) == "1.50"
 
 
 def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
-    (found,) = many_contacts((3,))
+    found = many_contacts(3)
     assert found.transitions > 20
     assert found.by_hand_s is not None
     assert contact_table([found, replace(found, by_hand_s=None)]).rows[1][-1] == "other result"
@@ -266,13 +271,13 @@ def test_compiling_is_paid_for_after_so_many_runs() -> None:
 
 def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """With an empty folder of compiled code, and with what the first process has left there."""
-    seen: list[tuple[str, Path]] = []
+    seen: list[tuple[str, str]] = []
 
-    def measured(function: object, problem: Problem, solver: str, rtol: float) -> float:
-        seen.append((solver, Path(os.environ[VARIABLE])))
+    def measured(function: object, problem: Problem, solver: str, rtol: float, cache: str) -> float:
+        seen.append((solver, cache))
         return float(len(seen))
 
-    monkeypatch.setattr(compiling, "in_fresh_process", measured)
+    monkeypatch.setattr(ladder, "in_fresh_process", measured)
     own = [pair("heyoka", 0.1, 9, case="free_coulomb"), pair("scipy-rk45", 0.1, 9, case="free_coulomb")]
     first, other = readiness([load_case(CASES / "free_coulomb.yaml")], own)
     assert [(ready.solver, ready.rtol, ready.cold_s, ready.kept_s) for ready in (first, other)] == [
@@ -281,6 +286,11 @@ def test_getting_ready_is_measured_twice_in_new_processes(monkeypatch: pytest.Mo
     assert [solver for solver, _ in seen] == ["henon", "henon", "heyoka", "heyoka"]
     places = [place for _, place in seen]
     assert places[0] == places[1] != places[2] == places[3]
+
+
+def test_a_fresh_process_keeps_its_compiled_code_in_its_own_folder(tmp_path: Path) -> None:
+    assert in_fresh_process(os.getenv, VARIABLE, cache=str(tmp_path)) == str(tmp_path)
+    assert os.getenv(VARIABLE) == in_fresh_process(os.getenv, VARIABLE) != str(tmp_path)
 
 
 @pytest.mark.slow  # daily: the one above, where nothing is compiled
@@ -298,33 +308,32 @@ def timed_run(solver: str, wall: float, iqr: float | None) -> RunRow:
     return RunRow(**own | counts, wall_s_iqr=iqr)
 
 
-def prices() -> Prices:
+def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_path: Path) -> None:
+    rows = [timed_run("henon", 1e-5, 1e-7), timed_run("heyoka", 4e-5, 1e-5), timed_run("scipy-dop853", 1e-2, None)]
     timed = TimedPair(
         "c", "late", 9, "heyoka", rtol=1e-9, rival="heyoka", rival_rtol=1e-9, rival_step_s=None, wall_s=1e-5,
         rival_wall_s=4e-5, ratio=0.25, ratio_low=0.2, ratio_high=0.3, rounds=3, rival_own_s=2e-5,
         samples_s=(1e-5,) * 3, rival_samples_s=(4e-5,) * 3,
     )  # fmt: skip
-    ways = ("henon", "henon-newton", "henon-brent")
-    return Prices(
-        rows=[timed_run("henon", 1e-5, 1e-7), timed_run("heyoka", 4e-5, 1e-5), timed_run("scipy-dop853", 1e-2, None)],
-        pairs=[timed],
-        failed=["c, late, against ida: it *died*"],
-        ready=[Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
-        landings=[Landed("c", "late", solver, 5, 2.0, 1e-5, 0.75, 1e-15) for solver in ways],
-        work=Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10),
-        effects=[],
-        growth=[Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
-        sizes=[Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
-        contacts=[ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
-    )
-
-
-def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_path: Path) -> None:
-    text = write_page(prices(), provenance("make it again"), tmp_path).read_text(encoding="utf-8")
+    parts = {
+        "ready": [Ready("c", "late", "henon", 1e-9, 1e-5, 4.0, 1.0)],
+        "landings": [
+            Landed("c", "late", solver, 5, 2.0, 1e-5, 0.75, 1e-15)
+            for solver in ("henon", "henon-newton", "henon-brent")
+        ],
+        "effects": [],
+        "growth": [Horizon("henon", until, 10, 1e-3, 0.0, 1e-13) for until in (1e3, 1e4)],
+        "sizes": [Size(2, solver, 5, 1.0, 1e-5, 1.0, 10, 1e-5, 1.0, True) for solver in ("henon", "heyoka")],
+        "contacts": [ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
+    }
+    done = Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10)
+    failed = ["c, late, against ida: it *died*"]
+    page = write_page(tmp_path, provenance("make it again"), rows, [timed], failed, done, parts)
+    text = page.read_text(encoding="utf-8")
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
     assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
-    assert len(read_rows(SampleRow, tmp_path / "samples.csv")) == 2
+    assert len((tmp_path / "samples.csv").read_text().splitlines()) == 1 + 2
     assert "## c, late" in text
     assert "| 4 (3.3 to 5) | 2 |" in text
     assert "| `heyoka`, its own calls alone |  |  | 2 |  |" in text

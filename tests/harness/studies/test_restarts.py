@@ -15,7 +15,6 @@ from henon_ref.harness.cli import study
 from henon_ref.harness.result_files import earlier_rows, read_rows
 from henon_ref.harness.rows import NOT_RUN, RunRow
 from henon_ref.harness.studies import restarts
-from henon_ref.harness.studies.location_options import option_rows, option_table, options_of
 from henon_ref.harness.studies.restarts import (
     ENDINGS,
     SUITE,
@@ -27,6 +26,9 @@ from henon_ref.harness.studies.restarts import (
     ending,
     merged,
     merits,
+    option_rows,
+    option_table,
+    options_of,
     suite_rows,
     summary_table,
     wrong_defaults,

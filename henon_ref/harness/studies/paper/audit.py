@@ -15,8 +15,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.paper.listing import PRINTED_STEP
-from henon_ref.baselines.paper.listing_variants import DEFECTS, VariantRun, run_variant
+from henon_ref.baselines.paper.listing import DEFECTS, PRINTED_STEP, VariantRun, run_variant
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, portrait
 from henon_ref.harness.result_files import rows_text
@@ -144,7 +143,7 @@ def matched(run: VariantRun, truth: Truth, count: int | None = None) -> Floats |
 
 def rms(errors: Floats | None) -> float:
     """Root mean square of errors; NaN if ``errors`` is None."""
-    return float("nan") if errors is None else float(np.sqrt(np.mean(errors**2)))
+    return np.nan if errors is None else float(np.sqrt(np.mean(errors**2)))
 
 
 def order_of(defects: Collection[str], start: tuple[float, float] | None = None) -> float:
@@ -154,13 +153,13 @@ def order_of(defects: Collection[str], start: tuple[float, float] | None = None)
     """
     limit = limit_of(defects)
     if limit == "none":
-        return float("nan")
+        return np.nan
     truth = truth_of(limit, start)
     until = float(truth.times[ORDER_TRANSITIONS]) - 0.05
     runs = [(step, run_variant(defects, step=step, start=start, until=until)) for step in ORDER_STEPS]
     errors = [(step, rms(matched(run, truth, ORDER_TRANSITIONS))) for step, run in runs]
     found = [(step, error) for step, error in errors if error > ROUNDING]
-    return float("nan") if len(found) < FITTED // 2 else fitted_order(*zip(*found[-FITTED:], strict=True))
+    return np.nan if len(found) < FITTED // 2 else fitted_order(*zip(*found[-FITTED:], strict=True))
 
 
 def durations(run: VariantRun) -> Floats:
@@ -173,11 +172,11 @@ def durations(run: VariantRun) -> Floats:
 def long_and_short(found: Floats) -> tuple[float, float]:
     """Mean durations of the longer and of the shorter kind of stick; NaN if there is none."""
     if not found.size:
-        return float("nan"), float("nan")
+        return np.nan, np.nan
     long = found > found.mean()
-    return (
-        (float(found[long].mean()), float(found[~long].mean())) if long.any() else (float(found.mean()), float("nan"))
-    )
+    if not long.any():
+        return float(found.mean()), np.nan
+    return float(found[long].mean()), float(found[~long].mean())
 
 
 def sets() -> Iterator[tuple[str, str, tuple[str, ...]]]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +31,6 @@ from henon_ref.harness.studies.paper.systems import (
     section_2,
 )
 from henon_ref.modes.problem import Problem
-from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,28 +45,44 @@ DRAWN = 25
 """Time up to which the runs are drawn, in addition to their final orbit [s]."""
 
 
-@dataclass(frozen=True)
-class Fan:
-    """Runs of Eq. (5) that start below and above every tangent point."""
+def fan_findings() -> Findings:
+    """Check Eqs. (15) and (16) at the tangent points of Fig. 4, and the statements on its runs.
 
-    analysis: TangentAnalysis
-    runs: tuple[Trajectory, ...]
-    motions: tuple[Motion, ...]
-
-    def orbit(self) -> tuple[float, float, float]:
-        """Period of the final orbit of all runs [s], and the positions at which it crosses down and up."""
-        last = self.runs[0].transitions[-3:]
-        down, up = sorted(last[:2], key=lambda t: t.to_mode)
-        return last[2].time - last[0].time, down.state[0], up.state[0]
-
-
-def fan() -> Fan:
-    """Compute the fan of Fig. 4."""
+    The runs of Eq. (5) start below and above every tangent point and approach one orbit.
+    """
     analysis = TangentAnalysis(section_2(FIG4_VALUES), POSITION)
-    starts = [(p.position, FIG4_VALUES[VP] + offset) for p in analysis.tangent_points() for offset in OFFSETS]
+    points = analysis.tangent_points()
+    starts = [(p.position, FIG4_VALUES[VP] + offset) for p in points for offset in OFFSETS]
     problems = [Problem(analysis.system, sp.Integer(0), start, sp.Integer(HORIZON)) for start in starts]
     runs, motions = zip(*(sampled(problem, 0, HORIZON) for problem in problems), strict=True)
-    return Fan(analysis, runs, motions)
+    last = runs[0].transitions[-3:]
+    down, up = (t.state[0] for t in sorted(last[:2], key=lambda t: t.to_mode))
+    period = last[2].time - last[0].time
+    third = float(printed_points()[2])
+    sticking = sum(any(t.kind == "stick" for t in run.transitions) for run in runs)
+    ends = [sorted(t.state[0] for t in run.transitions[-2:]) for run in runs]
+    return Findings(
+        {
+            "touching": all(
+                same(analysis.system.numeric(analysis.normals[p.side]).subs(Z, p.position), 0) for p in points
+            ),
+            "eq_16": same_all([p.position for p in points], printed_points()),
+            "visibility": [p.visibility for p in points] == ["visible", "invisible"] * 3,
+            "sticks": sticking > 0 and np.allclose(ends, ends[0], atol=1e-4),
+            "bent": abs(up - third) < 0.1 or abs(down - third) < 0.1,
+        },
+        {
+            "count": len(runs),
+            "sticking": sticking,
+            "last": max(t.time for run in runs for t in run.transitions if t.kind == "release"),
+            "period": period,
+            "up": up,
+            "down": down,
+            "third": third,
+            "curvatures": ", ".join(f"{float(p.curvature):+.3f} (s = {p.side:+d})" for p in points),
+        },
+        {"fig4": draw_fig4(analysis, motions, period)},
+    )
 
 
 def rk4_order(problem: Problem) -> float:
@@ -90,52 +106,21 @@ def section() -> Findings:
         "wrong": order_of(("landing_sign",)),
     }
     kept = all(abs(orders[name] - 4) < 0.3 for name in ("limit", "equations", "right"))
-    found = fan_findings(fan())
+    found = fan_findings()
     holds = {**found.holds, "orders": kept and orders["wrong"] < 1.5}
     return replace(found, holds=holds, values={**found.values, **orders})
 
 
-def fan_findings(made: Fan) -> Findings:
-    """Check Eqs. (15) and (16) at the tangent points of the fan, and the statements of Fig. 4."""
-    analysis, points = made.analysis, made.analysis.tangent_points()
-    period, down, up = made.orbit()
-    third = float(printed_points()[2])
-    sticking = sum(any(t.kind == "stick" for t in run.transitions) for run in made.runs)
-    ends = [sorted(t.state[0] for t in run.transitions[-2:]) for run in made.runs]
-    return Findings(
-        {
-            "touching": all(
-                same(analysis.system.numeric(analysis.normals[p.side]).subs(Z, p.position), 0) for p in points
-            ),
-            "eq_16": same_all([p.position for p in points], printed_points()),
-            "visibility": [p.visibility for p in points] == ["visible", "invisible"] * 3,
-            "sticks": sticking > 0 and np.allclose(ends, ends[0], atol=1e-4),
-            "bent": abs(up - third) < 0.1 or abs(down - third) < 0.1,
-        },
-        {
-            "count": len(made.runs),
-            "sticking": sticking,
-            "last": max(t.time for run in made.runs for t in run.transitions if t.kind == "release"),
-            "period": period,
-            "up": up,
-            "down": down,
-            "third": third,
-            "curvatures": ", ".join(f"{float(p.curvature):+.3f} (s = {p.side:+d})" for p in points),
-        },
-        {"fig4": draw_fig4(made)},
-    )
-
-
-def draw_fig4(made: Fan) -> Figure:
+def draw_fig4(analysis: TangentAnalysis, motions: Sequence[Motion], period: float) -> Figure:
     """Draw the phase portrait of the fan, and its part near the belt's speed."""
     colours = (style.BLUE, style.VERMILLION, style.GREEN, style.ORANGE, style.PURPLE, style.SKY)
-    plane = plane_of(made.analysis.system, 0, 1)
-    last = made.motions[0]
-    orbit = last.states[last.times > HORIZON - made.orbit()[0] - 0.1]
+    plane = plane_of(analysis.system, 0, 1)
+    last = motions[0]
+    orbit = last.states[last.times > HORIZON - period - 0.1]
     with style.figure(6.4) as figure:
         axes = figure.subplots(2, 1, height_ratios=(3, 2))
         for ax in axes:
-            for k, motion in enumerate(made.motions):
+            for k, motion in enumerate(motions):
                 colour, drawn = colours[k // 2], motion.times < DRAWN
                 ax.plot(*motion.states[drawn].T, color=colour, lw=0.6)
                 ax.plot(*motion.states[0], marker="s", ms=3, color=colour, zorder=4)
@@ -143,7 +128,7 @@ def draw_fig4(made: Fan) -> Figure:
                     if label == "stick":
                         ax.plot(*motion.states[piece].T, color=style.BLACK, lw=2.4, zorder=5)
             ax.plot(*orbit.T, color=style.BLACK, lw=1.3, label="periodic orbit")
-            _mark_surface(ax, made)
+            _mark_surface(ax, analysis)
             ax.set_ylabel(r"$x_2$ [m/s]")
         axes[1].set(xlabel=r"$x_1$ [m]", xlim=(-1.45, 1.45), ylim=(0.72, 1.28))
         axes[0].set_title("a   the fan")
@@ -154,14 +139,14 @@ def draw_fig4(made: Fan) -> Figure:
     return figure
 
 
-def _mark_surface(ax: Axes, made: Fan) -> None:
+def _mark_surface(ax: Axes, analysis: TangentAnalysis) -> None:
     ax.axhline(BELT, color=style.GREY, lw=0.8, zorder=1)
-    for k, zone in enumerate(made.analysis.stick_zones()):
+    for k, zone in enumerate(analysis.stick_zones()):
         ends, label = [float(zone.low), float(zone.high)], "stick zone" if k == 0 else None
         ax.plot(ends, [BELT] * 2, color=style.STICK_SHADE, lw=9, solid_capstyle="butt", zorder=2, label=label)
     ax.plot([], [], "s", ms=3, color=style.GREY, label="start")
     ax.plot([], [], color=style.BLACK, lw=2.4, label="stick")
     for kind, face in (("visible", style.BLACK), ("invisible", "white")):
-        at = [float(p.position) for p in made.analysis.tangent_points() if p.visibility == kind]
+        at = [float(p.position) for p in analysis.tangent_points() if p.visibility == kind]
         label = f"{kind} tangent point"
         ax.plot(at, [BELT] * len(at), "o", ms=5, mfc=face, mec=style.BLACK, zorder=6, ls="", label=label)

@@ -1,4 +1,17 @@
-"""Section 5: the rig of Fig. 9 and its Lyapunov exponents, by the equations and by samples. Section 6: moving belt."""
+"""Section 5: Lyapunov exponents of the rig of Fig. 9, by the equations and by samples. Section 6: the moving belt.
+
+Exponents from samples follow Eqs. (25) and (26) (Sano and Sawada 1985). Around every d-th sample the method follows the
+neighbours in a ball for d samples. The least-squares linear map from their initial to their final distances,
+``A_j = (sum y_{k+d} y_k^T)(sum y_k y_k^T)^-1`` (Eq. 25), approximates the derivative of the flow. The exponents are the
+mean logarithmic rates at which the product of the A_j stretches an orthonormal basis (Eq. 26, with QR instead of Gram
+and Schmidt).
+
+The samples lie on the attractor and therefore contain the stretching of directions *along* it only. If the dimension
+of the attractor is below that of the state space (a curve, a torus), the second sum has no inverse: its small
+eigenvalues measure the curvature of the attractor, not another direction. Eigenvectors below a cutoff are left out.
+The exponents of the missing directions are then rounding noise; :attr:`TimeSeriesSpectrum.directions` is the number of
+directions in the samples.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +24,47 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from henon_ref.analysis.lyapunov import Spectrum, lyapunov_spectrum
 from henon_ref.analysis.periodic_orbit import measured_period
 from henon_ref.baselines.henon import HENON_SOLVER
+from henon_ref.errors import ModelError
 from henon_ref.figures import style
 from henon_ref.harness.registry import solver
 from henon_ref.harness.studies.page import largest_time_difference, shipped_problem
-from henon_ref.harness.studies.paper.systems import Findings, same_all
-from henon_ref.harness.studies.paper.timeseries import Settings, TimeSeriesSpectrum, time_series_spectrum
+from henon_ref.harness.studies.paper.equations import rig_equations
+from henon_ref.harness.studies.paper.systems import Findings
 from henon_ref.harness.table import Table
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of the estimate; no values are right for all samples."""
+
+    radius: float
+    """Radius of the ball, relative to the size of the set (root-mean-square distance from the mean)."""
+    delay: int
+    """Number d of samples between a distance and its image, and between two reference points."""
+    least: int = 12
+    """Smallest number of neighbours; a ball with fewer is widened."""
+    theiler: int = 25
+    """Samples within this number of samples in time are not neighbours (Theiler 1986): they are on the same piece of
+    orbit."""
+    cutoff: float = 0.02
+    """A direction is left out if the neighbours' spread in it is below this part of their largest spread."""
+
+
+@dataclass(frozen=True)
+class TimeSeriesSpectrum:
+    """An estimate of all Lyapunov exponents from samples."""
+
+    exponents: tuple[float, ...]
+    """The n exponents [1/s], in the order of the basis vectors (largest first, up to statistical noise)."""
+    directions: float
+    """Mean number of directions that the neighbours span; the samples determine only this number of exponents."""
+
 
 SETS = {
     "periodic": ("rig_periodic",),
@@ -84,7 +126,7 @@ def section() -> Findings:
     periodic, quasi_periodic, chaotic = sets.values()
     largest, estimate = chaotic.spectrum.exponents[0], max(chaotic.series.exponents)
     deviation = chaotic.spectrum.standard_errors[0]
-    periods, belt, equations = _periods(), moving_belt(), _equations()
+    periods, belt, equations = _periods(), moving_belt(), rig_equations()
     signs = (
         abs(max(periodic.series.exponents)) < 10 * ZERO
         and sorted(map(abs, quasi_periodic.series.exponents))[1] < 10 * ZERO
@@ -128,22 +170,6 @@ def _periods() -> list[float]:
         period = measured_period(run.transitions, after=2800)
         found.append(float("nan") if period is None else period.value)
     return found
-
-
-def _equations() -> Findings:
-    """Check Eqs. (27) and (28), and the motion of the rig with the signs as printed from a block at rest."""
-    at_rest = shipped_problem("rig_printed", "at_rest")
-    printed, corrected = at_rest.system, shipped_problem("rig_periodic").system
-    both = all(
-        same_all([*map(system.numeric, system.field)], eq27(system, printed=flag))
-        for system, flag in ((printed, True), (corrected, False))
-    )
-    flutter, damped = (float(frictionless_eigenvalues(system)[0].real) for system in (printed, corrected))
-    run = HENON_SOLVER.prepare(at_rest, rtol=1e-13)()
-    return Findings(
-        {"eq_27": both and flutter > 0 > damped and run.status == "invalid", "terms": both},
-        {"flutter": flutter, "damped": damped, "lost": run.end_time},
-    )
 
 
 def exponent_table(sets: dict[str, Measured]) -> Table:
@@ -206,43 +232,6 @@ def _draw_sweep(upper: Axes, lower: Axes, values: Sequence[float], spectra: Sequ
     lower.plot(values, np.maximum(ordered[:, 3], LOWEST), "v", color=style.BLACK, clip_on=False, zorder=4)
 
 
-def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
-    """Eq. (27) with the friction of Eq. (28) in slip, written explicitly in the states and the sign of a rig.
-
-    xi1 ... xi7 are those of the paper, in the rig's parameters.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-        A rig.
-    printed : bool
-        Whether to use the signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
-    """
-    m, k1, k2, k3, c1, c2, mu0, delta, a, b, r, vp = sp.symbols("m k1 k2 k3 c1 c2 mu0 delta a b r vp", real=True)
-    (x1, x2, x3, x4), (s,) = system.states, system.signs
-    omega = sp.sqrt((k1 + k2) / m)
-    inertia = m * (a**2 + b**2) / 3
-    xi1, xi2, xi3 = k2 / (omega**2 * m), c1 * omega / k2, k2 * r**2 / (omega**2 * inertia)
-    xi4, xi5, xi6, xi7 = (k2 + k3) / k2, omega * (c1 + c2) / k2, mu0 * k3 / k2, omega * c2 * mu0 / k2
-    friction = s * (1 - xi6 * x3 - xi7 * x4) * mu0 / (1 + delta * s * (x2 - vp))
-    coupling = -x3 - friction if printed else x3 + friction
-    field = (
-        x2,
-        -x1 - xi1 * (xi2 * (x2 + x4) + coupling),
-        x4,
-        xi3 * (-x1 - xi2 * x2 - xi4 * x3 - xi5 * x4),
-    )
-    return tuple(map(system.numeric, field))
-
-
-def frictionless_eigenvalues(system: FilippovSystem) -> NDArray[np.complex128]:
-    """Eigenvalues of the rig without friction, largest growth rate first."""
-    quiet = {system.signs[0]: sp.Integer(0)}
-    linear = sp.Matrix([system.numeric(f.xreplace(quiet)) for f in system.field]).jacobian(system.states)
-    values = np.linalg.eigvals(np.array(linear.evalf(30), dtype=float)).astype(complex)
-    return values[np.argsort(-values.real, kind="stable")]
-
-
 def moving_belt() -> Findings:
     """Run the block on the moving belt with ``henon`` and ``heyoka``, and compare the runs."""
     problem = shipped_problem("moving_belt")
@@ -264,3 +253,75 @@ def moving_belt() -> Findings:
         {"moving_belt": run.status == "ok" and apart < 1e-10 and drift < 1e-12},
         {"belt_transitions": len(run.transitions), "apart": apart, "drift": drift, "settled": sorted(lengths[-2:])},
     )
+
+
+def time_series_spectrum(samples: NDArray[np.float64], interval: float, settings: Settings) -> TimeSeriesSpectrum:
+    """Estimate the Lyapunov exponents of a flow from samples.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (k, n)
+        States at equal intervals of time.
+    interval : float
+        Time between two samples [s].
+    settings : Settings
+
+    Raises
+    ------
+    ModelError
+        If samples are not finite, or too few for the settings.
+    """
+    samples = np.ascontiguousarray(samples, dtype=float)
+    if not np.isfinite(samples).all():
+        raise ModelError("samples with gaps: the trajectory ended before the last sample time")
+    count, n = samples.shape
+    if count - settings.delay < 2 * settings.theiler + 1 + settings.least or settings.least <= n:
+        raise ModelError(f"{count} samples are too few for {settings}, or 'least' is not above {n} states")
+    spread, moved = _moments(samples, settings)
+    values, axes = np.linalg.eigh(spread)
+    kept = values > settings.cutoff**2 * values[:, -1:]
+    inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
+    maps = moved @ (axes * inverse[:, None, :]) @ axes.transpose(0, 2, 1)
+    exponents = _growth(maps) / (settings.delay * interval)
+    return TimeSeriesSpectrum(tuple(exponents.tolist()), float(kept.sum(axis=1).mean()))
+
+
+def _growth(maps: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean logarithm of the growth of each basis vector per map (Eq. 26), shape (n,)."""
+    basis = np.eye(maps.shape[-1])
+    diagonals = np.empty(maps.shape[:2])
+    for j, matrix in enumerate(maps):
+        basis, triangle = np.linalg.qr(matrix @ basis)
+        diagonals[j] = np.diag(triangle)
+    with np.errstate(divide="ignore"):
+        return np.log(np.abs(diagonals)).mean(axis=0)
+
+
+def _moments(samples: NDArray[np.float64], settings: Settings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute both sums of Eq. (25), sum y_k y_k^T and sum y_{k+d} y_k^T, at every reference point, shape (r, n, n)."""
+    radius = settings.radius * float(np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    last = len(samples) - settings.delay
+    references = np.arange(0, last, settings.delay)
+    tree = cKDTree(samples[:last])
+    sums = []
+    # Parts of so many reference points bound the memory of their neighbours.
+    for some in np.array_split(references, -(-len(references) // 2048)):
+        near = tree.query_ball_point(samples[some], radius)
+        neighbours = [_separated_in_time(found, at, settings) for found, at in zip(near, some.tolist(), strict=True)]
+        narrow = [j for j, found in enumerate(neighbours) if len(found) < settings.least]
+        if narrow:
+            _, ranked = tree.query(samples[some[narrow]], k=settings.least + 2 * settings.theiler + 1)
+            for j, found in zip(narrow, ranked, strict=True):
+                neighbours[j] = _separated_in_time(found, some[j], settings)[: settings.least]
+        which = np.repeat(np.arange(len(some)), list(map(len, neighbours)))
+        index, at = np.concatenate(neighbours), some[which]
+        y, z = ((samples[index + k] - samples[at + k]).T for k in (0, settings.delay))
+        sums.append([[[np.bincount(which, u * v) for v in y] for u in left] for left in (y, z)])
+    spread, moved = np.concatenate(sums, axis=-1).transpose(0, 3, 1, 2)
+    return spread, moved
+
+
+def _separated_in_time(found: list[int] | NDArray[np.intp], at: int, settings: Settings) -> NDArray[np.int64]:
+    """Return the samples that are not close in time to a reference point."""
+    index = np.asarray(found, dtype=np.int64)
+    return index[np.abs(index - at) > settings.theiler]

@@ -7,6 +7,7 @@ import resource
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from statistics import median
 
 import numpy as np
@@ -23,6 +24,7 @@ from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.problem import Problem
+from henon_ref.solver import Solver
 from henon_ref.text import code
 
 HORIZONS: Mapping[str, tuple[float, ...]] = {
@@ -49,6 +51,8 @@ SEEN = 400
 _STICK, _RELEASE = 0, 1
 _Transition = tuple[tuple[float, float], int | None]
 """Time in two parts [s], and kind, of a transition."""
+Ended = tuple[int, Iterable[_Transition]]
+"""Result of a run: number of transitions, and the last of them."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +83,22 @@ def horizons(problem: Problem, wanted: Mapping[str, Sequence[float]] = HORIZONS)
 
 def horizons_of(solver: str, problem: Problem, horizons: Sequence[float]) -> list[Horizon]:
     """Measure a solver's runs, in the order of ``horizons``; those of ``henon`` stream their transitions."""
-    prepare = _streamed(problem) if solver == "henon" else _whole(solver, problem)
-    prepare(10.0)()
-    return [_measured(solver, until, prepare(until)) for until in horizons]
+    if solver == "henon":
+        prepare = partial(_streamed, Integrator(problem.system, order_for(TOLERANCE)))
+    else:
+        prepare = partial(_whole, registry.solver(solver))
+
+    def run_to(until: float) -> Callable[[], Ended]:
+        return prepare(replace(problem, until=sp.Rational(until)))
+
+    run_to(10.0)()
+    return [_measured(solver, until, run_to(until)) for until in horizons]
 
 
-def _measured(solver: str, until: float, run: Callable[[], tuple[int, Iterable[_Transition]]]) -> Horizon:
-    """Measure a run that returns the number of transitions and the last of them."""
+def _measured(solver: str, until: float, run: Callable[[], Ended]) -> Horizon:
+    """Measure a run."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    ends: list[tuple[int, Iterable[_Transition]]] = []
+    ends: list[Ended] = []
     times: list[float] = []
     while len(times) < 3 and (not times or times[0] < SHORT):
         times.append(timed(lambda: ends.append(run())))
@@ -104,41 +115,30 @@ def _measured(solver: str, until: float, run: Callable[[], tuple[int, Iterable[_
     return Horizon(solver, until, transitions, median(times), grown, float(error))
 
 
-def _streamed(problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
-    """Prepare runs of the reference that stream their transitions."""
-    integrator = Integrator(problem.system, order_for(TOLERANCE))
+def _streamed(integrator: Integrator, problem: Problem) -> Callable[[], Ended]:
+    """Prepare a run of the reference that streams its transitions."""
+    start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
 
-    def prepare(until: float) -> Callable[[], tuple[int, Iterable[_Transition]]]:
-        longer = replace(problem, until=sp.Rational(until))
-        start = integrator.start(longer, tolerance=TOLERANCE, landing=HENON)
+    def run() -> Ended:
+        count, last = 0, deque[_Transition](maxlen=SEEN)
+        for block in Run(integrator, start).stream():
+            count += len(block)
+            last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
+        return count, last
 
-        def run() -> tuple[int, Iterable[_Transition]]:
-            count, last = 0, deque[_Transition](maxlen=SEEN)
-            for block in Run(integrator, start).stream():
-                count += len(block)
-                last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
-            return count, last
-
-        return run
-
-    return prepare
+    return run
 
 
-def _whole(solver: str, problem: Problem) -> Callable[[float], Callable[[], tuple[int, Iterable[_Transition]]]]:
-    """Prepare runs of a solver that returns all transitions at the end."""
+def _whole(solver: Solver, problem: Problem) -> Callable[[], Ended]:
+    """Prepare a run of a solver that returns all transitions at the end."""
+    prepared = solver.prepare(problem, rtol=TOLERANCE, atol=TOLERANCE)
     codes = {"stick": _STICK, "release": _RELEASE}
 
-    def prepare(until: float) -> Callable[[], tuple[int, Iterable[_Transition]]]:
-        longer = replace(problem, until=sp.Rational(until))
-        prepared = registry.solver(solver).prepare(longer, rtol=TOLERANCE, atol=TOLERANCE)
+    def run() -> Ended:
+        transitions = prepared().transitions
+        return len(transitions), [((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:]]
 
-        def run() -> tuple[int, Iterable[_Transition]]:
-            transitions = prepared().transitions
-            return len(transitions), [((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:]]
-
-        return run
-
-    return prepare
+    return run
 
 
 def growth_table(found: Sequence[Horizon]) -> Table:

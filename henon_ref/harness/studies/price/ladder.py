@@ -1,11 +1,13 @@
-"""Ladder: every solver at every tolerance from 1e-3 to 1e-15, followed by paired times of the cheapest settings."""
+"""Cost of every solver: a ladder of tolerances, paired times of the cheapest settings, times of preparation."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from statistics import geometric_mean
+from tempfile import TemporaryDirectory
 
 from matplotlib.figure import Figure
 
@@ -15,13 +17,16 @@ from henon_ref.figures.style import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
+from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.figures import label_column
+from henon_ref.harness.result_files import csv_text
 from henon_ref.harness.rows import Row, RunRow, number
 from henon_ref.harness.score.ranking import LEVELS, by_solver, reaching, readings_of, right
 from henon_ref.harness.studies.page import rows_of, title
 from henon_ref.harness.studies.pairs import FIRST, SECOND, PairedTiming, PairRow, TimedPair, bound, pairs_of, time_pairs
-from henon_ref.harness.studies.price.measure import draw_line
+from henon_ref.harness.studies.price.measure import draw_line, in_fresh_process
 from henon_ref.harness.table import Table, duration, significant
+from henon_ref.modes.problem import Problem
 from henon_ref.text import code
 
 LISTED = (
@@ -44,16 +49,47 @@ COUNTS = {
     "steps": "steps",
 }
 """Columns for the axis of cost, with their labels."""
+READY_DIGITS = 9
+"""Digits of the worst transition for which preparation times are measured."""
+AGAINST = {
+    FIRST: ("heyoka", "scipy-dop853"),
+    "heyoka": ("scipy-dop853",),
+    "cvode-c-adams": ("cvode-adams",),
+    "diffrax-dopri8": ("scipy-dop853",),
+    "diffrax-kvaerno5": ("scipy-radau",),
+    "diffsol-tsit45": ("scipy-dop853",),
+    "diffsol-bdf": ("scipy-radau",),
+}
+"""Solvers that compile, and the solvers with which each is compared: quicker to prepare, slower to run."""
+
+
+@dataclass(frozen=True)
+class Ready(Row):
+    """Preparation times of one solver on one reading."""
+
+    case: str
+    reading: str
+    solver: str
+    rtol: float
+    wall_s: float
+    """Time of a run, interleaved with those of the other solvers [s]."""
+    cold_s: float
+    """Time of the preparation and the first run in a new process, minus the time of a run, without compiled code on
+    disk [s]. The start of the interpreter and the imports that all solvers need are not included."""
+    kept_s: float
+    """The same time with the compiled code of the first process on disk [s]."""
+
+    def paid_after(self, other: Ready) -> str:
+        """Number of runs after which the total time is below that of ``other``: without / with code on disk."""
+        gain = other.wall_s - self.wall_s
+        extra = self.cold_s - other.cold_s, self.kept_s - other.kept_s
+        return " / ".join("never" if gain <= 0 else significant(max(math.ceil(own / gain), 0), 2) for own in extra)
 
 
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
-    """Names of the ladder's solvers. Solvers with a fixed step use the steps of the case.
+    """Names of the ladder's solvers: the reference and ``chosen``, or the default solvers and :data:`WHEN_NAMED`.
 
-    Parameters
-    ----------
-    chosen : sequence of str
-        Requested solvers; the reference is added. Empty: the default solvers and :data:`WHEN_NAMED`. ``all`` includes
-        the installed peers.
+    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case.
 
     Raises
     ------
@@ -75,7 +111,7 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: ProgressLine) 
     """
     changed = replace(options, tolerances=LADDER, timeout=TIMEOUT)
     open_to_all = [replace(case, readings=tuple(r for r in case.readings if r.solvers is None)) for case in cases]
-    return [row for own in rows_of(open_to_all, changed, observer).values() for row in own]
+    return rows_of(open_to_all, changed, observer)
 
 
 def time_ladder_pairs(
@@ -84,44 +120,27 @@ def time_ladder_pairs(
     """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings."""
     by_reading = readings_of(rows)
     rivals = [solver for solver in by_solver(rows) if solver != FIRST]
-    timings = {
-        case.name: [
-            PairedTiming(case.name, reading.name, reading.problem, found, seconds, TIMEOUT, fewest=FEWEST)
-            for reading in case.readings
-            for rival in rivals
-            if (found := tuple(pairs_of(by_reading.get((case.name, reading.name), []), {rival: (rival,)}, LEVELS)))
-        ]
+    timings = [
+        PairedTiming(case.name, reading.name, reading.problem, found, seconds, TIMEOUT, fewest=FEWEST)
         for case in cases
-    }
+        for reading in case.readings
+        for rival in rivals
+        if (found := tuple(pairs_of(by_reading.get((case.name, reading.name), []), {rival: (rival,)}, LEVELS)))
+    ]
     return time_pairs(timings, options, observer)
 
 
-@dataclass(frozen=True)
-class SampleRow(Row):
-    """Raw samples of one solver of a pair."""
-
-    case: str
-    reading: str
-    against: str
-    digits: int | None
-    solver: str
-    rtol: float | None
-    step_s: float | None
-    samples_us: str
-    """Times in their order, separated by blanks [µs]."""
-
-
-def samples_of(found: Sequence[TimedPair]) -> list[SampleRow]:
-    """Raw samples of the pairs' ratios, two rows per pair."""
+def samples_text(found: Sequence[TimedPair]) -> str:
+    """Write the raw samples of the pairs' ratios as CSV: a row per solver, times [µs] in order, separated by blanks."""
     rows = []
     for row in found:
-        pair = (*row.problem, row.against, row.digits)
         for solver, rtol, step, samples in (
             (FIRST, row.rtol, None, row.samples_s),
             (row.rival, row.rival_rtol, row.rival_step_s, row.rival_samples_s),
         ):
-            rows.append(SampleRow(*pair, solver, rtol, step, " ".join(f"{1e6 * sample:.5g}" for sample in samples)))
-    return rows
+            times = " ".join(f"{1e6 * sample:.5g}" for sample in samples)
+            rows.append((*row.problem, row.against, row.digits, solver, rtol, step, times))
+    return csv_text(("case", "reading", "against", "digits", "solver", "rtol", "step_s", "samples_us"), rows)
 
 
 def mean_costs(found: Sequence[PairRow], digits: int) -> dict[str, float]:
@@ -197,13 +216,57 @@ def rival_table(found: Sequence[PairRow]) -> Table:
     return Table(("reading", "digits", *headings), "lr" + "r" * len(headings), lines)
 
 
+def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
+    """Measure preparation times on every reading, at the settings of the pairs with :data:`READY_DIGITS` digits."""
+    problems = {(case.name, reading.name): reading.problem for case in cases for reading in case.readings}
+    named = {*AGAINST, *(other for others in AGAINST.values() for other in others)}
+    settings: dict[tuple[str, str, str], tuple[float, float]] = {}
+    for row in pairs:
+        if row.digits == READY_DIGITS:
+            settings.setdefault((*row.problem, FIRST), (number(row.rtol), row.wall_s))
+            if row.rival in named:
+                settings[(*row.problem, row.rival)] = number(row.rival_rtol), row.rival_wall_s
+    found = []
+    for (case, reading, solver), (rtol, wall) in settings.items():
+        with TemporaryDirectory() as folder:
+            given = problems[case, reading], solver, rtol
+            cold, kept = (in_fresh_process(getting_ready, *given, cache=folder) for _ in range(2))
+        found.append(Ready(case, reading, solver, rtol, wall, cold, kept))
+    return found
+
+
+def getting_ready(problem: Problem, solver: str, rtol: float) -> float:
+    """Time to the end of the first run, minus the shortest time of three later runs [s]."""
+    began = time.perf_counter()
+    run = registry.solver(solver).prepare(problem, rtol=rtol, atol=rtol, deadline=TIMEOUT)
+    run()
+    first = time.perf_counter() - began
+    return first - min(timed(run) for _ in range(3))
+
+
+def ready_table(found: Sequence[Ready]) -> Table:
+    """Table of the preparation times and the number of runs that compensate them."""
+    lines: list[tuple[str, ...]] = []
+    for own in found:
+        others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
+        rivals = [rival for rival in AGAINST.get(own.solver, ()) if rival in others]
+        paid = "; ".join(f"{own.paid_after(others[rival])} against {code(rival)}" for rival in rivals)
+        times = map(duration, (own.wall_s, own.cold_s, own.kept_s))
+        lines.append((title(own.case, own.reading), code(own.solver), *times, paid))
+    headings = (
+        "reading", "solver", "run", "preparation, no code on disk", "preparation, code on disk",
+        "compensated after runs (no code on disk / code on disk)",
+    )  # fmt: skip
+    return Table(headings, "llrrrl", lines)
+
+
 def scatter(rows: Sequence[RunRow]) -> dict[str, int]:
     """Number of times of a reading, of those that scatter by more than a tenth, and of those without a range."""
-    timed = [row for row in rows if row.wall_s is not None]
+    own = [row for row in rows if row.wall_s is not None]
     return {
-        "times": len(timed),
-        "wide": sum(number(row.wall_s_iqr) > 0.1 * number(row.wall_s) for row in timed),
-        "few": sum(row.wall_s_iqr is None for row in timed),
+        "times": len(own),
+        "wide": sum(number(row.wall_s_iqr) > 0.1 * number(row.wall_s) for row in own),
+        "few": sum(row.wall_s_iqr is None for row in own),
     }
 
 

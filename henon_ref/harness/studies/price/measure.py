@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import math
-import multiprocessing
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, ParamSpec, TypeVar
+from multiprocessing import get_context
+from typing import Any, TypeVar
 
 import numpy as np
 import sympy as sp
@@ -22,7 +19,6 @@ from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.system import System
 
-P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -32,59 +28,32 @@ def problem_of(system: System, initial: Mapping[str, float | str], until: float 
     return Problem(system.model, sp.Integer(0), start, system.number(until))
 
 
-def in_fresh_process(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    """Call a function in a new interpreter, in which nothing has been imported or compiled before."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *args, **kwargs).result()
+def in_fresh_process(function: Callable[..., T], *args: Any, cache: str | None = None) -> T:
+    """Call a function in a new interpreter, in which nothing has been imported or compiled before.
+
+    ``cache`` is the folder of its compiled code, by default that of this process.
+    """
+    with ProcessPoolExecutor(1, get_context("spawn"), _keep_code_in, (cache,)) as pool:
+        return pool.submit(function, *args).result()
 
 
-@contextmanager
-def caches_in(folder: str) -> Iterator[None]:
-    """Let processes that are started inside keep compiled code in ``folder``."""
-    before = os.environ.get(VARIABLE)
-    os.environ[VARIABLE] = folder
-    try:
-        yield
-    finally:
-        del os.environ[VARIABLE]
-        os.environ.update({} if before is None else {VARIABLE: before})
+def _keep_code_in(folder: str | None) -> None:
+    if folder is not None:
+        os.environ[VARIABLE] = folder
 
 
-@dataclass(frozen=True)
-class Fit:
-    """Fitted power law y ~ x^power."""
+def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> str:
+    """Fit column y ~ (column x)^power to a solver's rows with x >= ``since``; return the power with its standard error.
 
-    power: float
-    """NaN if there are fewer than two points."""
-    error: float
-    """Standard error of the power; NaN if there are fewer than three points."""
-
-    def __str__(self) -> str:
-        if math.isnan(self.power):
-            return "?"
-        return f"{self.power:.2f}" + ("" if math.isnan(self.error) else f" ± {self.error:.2f}")
-
-
-def power(x: Sequence[float], y: Sequence[float]) -> Fit:
-    """Fit a power law to positive numbers by least squares of their logarithms with equal weights.
-
-    Examples
-    --------
-    >>> print(power([1, 2, 4], [3, 12, 48]))
-    2.00 ± 0.00
+    The fit is by least squares of logarithms with equal weights. Two points have no error, and one has no power ("?").
     """
     from scipy.stats import linregress
 
-    if len(x) < 2:
-        return Fit(math.nan, math.nan)
-    found = linregress(np.log(x), np.log(y))
-    return Fit(float(found.slope), float(found.stderr) if len(x) > 2 else math.nan)
-
-
-def fitted(rows: Sequence[Any], solver: str, x: str, y: str, since: float) -> Fit:
-    """Fit column y ~ (column x)^power to a solver's rows with x >= ``since``."""
     own = [row for row in rows if row.solver == solver and getattr(row, x) >= since]
-    return power([getattr(row, x) for row in own], [getattr(row, y) for row in own])
+    if len(own) < 2:
+        return "?"
+    found = linregress(*(np.log([getattr(row, column) for row in own]) for column in (x, y)))
+    return f"{found.slope:.2f}" + (f" ± {found.stderr:.2f}" if len(own) > 2 else "")
 
 
 def draw_line(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:

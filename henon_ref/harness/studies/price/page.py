@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,108 +14,78 @@ from henon_ref.harness.rows import Row, RunRow
 from henon_ref.harness.score.ranking import readings_of
 from henon_ref.harness.studies.page import shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
-from henon_ref.harness.studies.price.compiling import Ready, readiness, ready_table
-from henon_ref.harness.studies.price.contacts import ManyContacts, contact_table, many_contacts
-from henon_ref.harness.studies.price.effects import Step, effect_costs, effect_table
-from henon_ref.harness.studies.price.growth import Horizon, draw_growth, growth_table, horizons
-from henon_ref.harness.studies.price.ladder import (
-    COUNTS,
-    FEWEST,
-    TIMEOUT,
-    SampleRow,
-    draw_ladder,
-    own_times,
-    rival_table,
-    run_ladder,
-    samples_of,
-    scatter,
-    solvers,
-    time_ladder_pairs,
-    whole_table,
-)
-from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import caches_in, in_fresh_process
-from henon_ref.harness.studies.price.operations import Work, work
-from henon_ref.harness.studies.price.states import Size, draw_sizes, size_table, sizes
+from henon_ref.harness.studies.price import chains, growth, ladder, landings, operations
+from henon_ref.harness.studies.price.measure import in_fresh_process
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
 from henon_ref.text import markdown
 
 PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
-    "ready": ("compiling.csv", Ready, ready_table),
-    "landings": ("landings.csv", Landed, landing_table),
-    "effects": ("effects.csv", Step, effect_table),
-    "growth": ("horizons.csv", Horizon, growth_table),
-    "sizes": ("states.csv", Size, size_table),
-    "contacts": ("contacts.csv", ManyContacts, contact_table),
+    "ready": ("compiling.csv", ladder.Ready, ladder.ready_table),
+    "landings": ("landings.csv", landings.Landed, landings.landing_table),
+    "effects": ("effects.csv", operations.Step, operations.effect_table),
+    "growth": ("horizons.csv", growth.Horizon, growth.growth_table),
+    "sizes": ("states.csv", chains.Size, chains.size_table),
+    "contacts": ("contacts.csv", chains.ManyContacts, chains.contact_table),
 }
 """File, type of the rows, and table of each measurement."""
-
-
-@dataclass(frozen=True)
-class Prices:
-    """Results of all measurements."""
-
-    rows: Sequence[RunRow]
-    pairs: Sequence[TimedPair]
-    failed: Sequence[str]
-    """Pairs that could not be timed, and why."""
-    work: Work
-    ready: Sequence[Ready]
-    landings: Sequence[Landed]
-    effects: Sequence[Step]
-    growth: Sequence[Horizon]
-    sizes: Sequence[Size]
-    contacts: Sequence[ManyContacts]
 
 
 def run_price(request: StudyRequest) -> StudyResult:
     """Measure everything and write the page; the ladder includes the peers if ``all`` is among the solvers."""
     named = request.options.solvers or ()
-    options = replace(request.options, solvers=solvers([str(name) for name in named]), folder=request.folder)
-    rows = run_ladder(request.cases, options, request.observer)
-    timed, failed = time_ladder_pairs(request.cases, rows, options, request.observer)
+    options = replace(request.options, solvers=ladder.solvers([str(name) for name in named]), folder=request.folder)
+    rows = ladder.run_ladder(request.cases, options, request.observer)
+    timed, failed = ladder.time_ladder_pairs(request.cases, rows, options, request.observer)
     # The measurements below run one at a time, in this process or a new one, with no worker busy.
-    with TemporaryDirectory() as empty, caches_in(empty):
-        chains = in_fresh_process(sizes)
-    found = Prices(
-        rows=rows,
-        pairs=timed,
-        failed=failed,
-        work=work(shipped_problem("fig8", "listing_limit")),
-        ready=readiness(request.cases, timed),
-        landings=[*landings(request.cases), *crest_crossings()],
-        effects=effect_costs(),
-        growth=horizons(shipped_problem("fig8", "listing_limit")),
-        sizes=chains,
-        contacts=many_contacts(),
-    )
-    return StudyResult(write_page(found, request.origin, request.folder))
+    with TemporaryDirectory() as empty:
+        sizes = in_fresh_process(chains.sizes, cache=empty)
+    problem = shipped_problem("fig8", "listing_limit")
+    done = operations.work(problem)
+    parts: dict[str, Sequence[Row]] = {
+        "ready": ladder.readiness(request.cases, timed),
+        "landings": [*landings.landings(request.cases), *landings.crest_crossings()],
+        "effects": operations.effect_costs(),
+        "growth": growth.horizons(problem),
+        "sizes": sizes,
+        "contacts": [chains.many_contacts(blocks) for blocks in (4, 8, 16, 64)],
+    }
+    return StudyResult(write_page(request.folder, request.origin, rows, timed, failed, done, parts))
 
 
-def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
+def write_page(
+    folder: Path,
+    origin: Provenance,
+    rows: Sequence[RunRow],
+    pairs: Sequence[TimedPair],
+    failed: Sequence[str],
+    work: operations.Work,
+    parts: Mapping[str, Sequence[Any]],
+) -> Path:
     """Write rows, figures and page.
+
+    ``rows`` are the runs of the ladder, ``failed`` says which pairs could not be timed and why, and ``parts`` has the
+    rows of each measurement in :data:`PARTS`.
 
     Raises
     ------
     OSError
         If the folder cannot be written.
     """
-    sections, figures = [], {"growth.svg": draw_growth(found.growth), "states.svg": draw_sizes(found.sizes)}
-    for (case, reading), rows in readings_of(found.rows).items():
-        own = {f"{case}_{reading}_{count}.svg": count for count in COUNTS}
-        figures |= {file: draw_ladder(rows, count) for file, count in own.items()}
-        shown = [(COUNTS[count], file) for file, count in own.items()]
-        sections.append({"title": title(case, reading), "figures": shown, "scatter": scatter(rows)})
-    work = found.work
-    context = {name: table(getattr(found, name)).markdown for name, (_, _, table) in PARTS.items()} | {
-        "whole": whole_table(found.rows, found.pairs).markdown,
-        "rivals": rival_table(found.pairs).markdown,
-        "own_times": own_times(found.pairs),
-        "deadline": f"{TIMEOUT:g}",
-        "fewest": FEWEST,
-        "own": own_words(found.pairs),
-        "failed": [markdown(words) for words in found.failed],
+    sections = []
+    figures = {"growth.svg": growth.draw_growth(parts["growth"]), "states.svg": chains.draw_sizes(parts["sizes"])}
+    for (case, reading), own in readings_of(rows).items():
+        shown = [(words, f"{case}_{reading}_{count}.svg") for count, words in ladder.COUNTS.items()]
+        figures |= {file: ladder.draw_ladder(own, count) for count, (_, file) in zip(ladder.COUNTS, shown, strict=True)}
+        sections.append({"title": title(case, reading), "figures": shown, "scatter": ladder.scatter(own)})
+    context = {name: table(parts[name]).markdown for name, (_, _, table) in PARTS.items()} | {
+        "whole": ladder.whole_table(rows, pairs).markdown,
+        "rivals": ladder.rival_table(pairs).markdown,
+        "own_times": ladder.own_times(pairs),
+        "deadline": f"{ladder.TIMEOUT:g}",
+        "fewest": ladder.FEWEST,
+        "own": own_words(pairs),
+        "failed": [markdown(words) for words in failed],
         "sections": sections,
         "work": work,
         "work_time": duration(work.wall_s),
@@ -124,10 +94,10 @@ def write_page(found: Prices, origin: Provenance, folder: Path) -> Path:
         "peak": f"{work.peak / 1e9:.2g}",
         "origin": origin,
     }
-    files = {file: rows_text(kind, getattr(found, name)) for name, (file, kind, _) in PARTS.items()} | {
-        "price.csv": rows_text(RunRow, found.rows),
-        "pairs.csv": rows_text(PairRow, found.pairs),
-        "samples.csv": rows_text(SampleRow, samples_of(found.pairs)),
-        "operations.csv": rows_text(Work, [work]),
+    files = {file: rows_text(kind, parts[name]) for name, (file, kind, _) in PARTS.items()} | {
+        "price.csv": rows_text(RunRow, rows),
+        "pairs.csv": rows_text(PairRow, pairs),
+        "samples.csv": ladder.samples_text(pairs),
+        "operations.csv": rows_text(operations.Work, [work]),
     }
     return write(folder, "price", context, files, figures)

@@ -1,24 +1,29 @@
-"""Times over the number of states: chains of 1 to 64 blocks on a belt, one surface per block."""
+"""Chains of blocks on a belt, one surface per block: times over the number of states, and runs that enter new modes."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from statistics import median
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from henon_ref.figures import style
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.timing import Turns, interleaved
+from henon_ref.harness.campaign.timing import Turns, interleaved, timed
 from henon_ref.harness.rows import Row
 from henon_ref.harness.studies.page import largest_time_difference, shipped_problem
 from henon_ref.harness.studies.pairs import FIRST, own_part
 from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, problem_of
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.solver import Run, Solver
 from henon_ref.text import code
@@ -30,14 +35,16 @@ RTOL = 1e-12
 ROUNDS = 20
 AGREED = 1e-9
 """Largest difference of two solvers' transition times [s] and end states at which their times are compared."""
-GOLDEN = (math.sqrt(5) - 1) / 2
-"""The multiples of this number modulo 1 spread the blocks' initial positions evenly, without repetition."""
 MANY = 16
 """Smallest number of states at which powers are fitted."""
-BELT, FAST = 0.2, 5.0
+SLOW, FAST = 0.2, 5.0
 """Velocity of the belt, and a velocity that no block reaches [m/s]."""
-SMOOTH_S = 20.0
-"""Horizon of the runs without a transition [s]."""
+HORIZON = 20.0
+"""Horizon of the runs without a transition, and of those from random initial states [s]."""
+BELT = 0.5
+"""Velocity of the belt in runs from random initial states [m/s]."""
+BY_HAND_RTOL, BY_HAND_AGREED = 1e-9, 1e-6
+"""Tolerance of these runs, and largest difference of transition times [s] at which SciPy's wall time is reported."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,21 @@ class Size(Row):
     @property
     def per_second(self) -> float:
         """Wall time of a simulated second without a transition [s/s]."""
-        return self.smooth_s / SMOOTH_S
+        return self.smooth_s / HORIZON
+
+
+@dataclass(frozen=True)
+class ManyContacts(Row):
+    """Measurement of a chain with a random initial state."""
+
+    blocks: int
+    transitions: int
+    new_s: float
+    """Wall time of the first run, with only its initial mode prepared [s]."""
+    again_s: float
+    """Median wall time of five further runs [s]."""
+    by_hand_s: float | None
+    """Wall time of a loop over SciPy's DOP853 [s]; None if its transitions differ."""
 
 
 def chain(blocks: int, belt: float) -> System:
@@ -85,12 +106,13 @@ def chain(blocks: int, belt: float) -> System:
     )
 
 
-def chain_problem(blocks: int, *, belt: float = BELT, until: float | None = None) -> Problem:
+def chain_problem(blocks: int, *, belt: float = SLOW, until: float | None = None) -> Problem:
     """Make the problem of a chain that starts at rest, with all initial positions different.
 
     ``until`` is the horizon [s]. The default horizon has seven to sixteen transitions, each to a new mode.
     """
-    initial = {name: value for i in range(1, blocks + 1) for name, value in ((f"x{i}", i * GOLDEN % 1), (f"v{i}", 0))}
+    golden = (math.sqrt(5) - 1) / 2  # its multiples modulo 1 spread the positions evenly, without repetition
+    initial = {name: value for i in range(1, blocks + 1) for name, value in ((f"x{i}", i * golden % 1), (f"v{i}", 0))}
     horizon = 40.0 * blocks**-1.4 if until is None else until
     return problem_of(chain(blocks, belt), {name: f"{x:.6f}" for name, x in initial.items()}, f"{horizon:.6f}")
 
@@ -106,7 +128,7 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     for count in blocks:
         problem = chain_problem(count)
         ready, runs, times = _timed(problem, solvers)
-        _, smooth_runs, smooth_times = _timed(chain_problem(count, belt=FAST, until=SMOOTH_S), solvers)
+        _, smooth_runs, smooth_times = _timed(chain_problem(count, belt=FAST, until=HORIZON), solvers)
         ends, smooth_ends = ({name: run() for name, run in own.items()} for own in (runs, smooth_runs))
         for name in solvers:
             part = own_part(name, runs[name], partial(_prepared, problem=problem), rounds=ROUNDS)
@@ -182,10 +204,8 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
         "per_second": (1e3, "wall time of a simulated second [ms]"),
         "ready_s": (1.0, "wall time of the preparation [s]"),
     }
-    powers = {
-        solver: [str(fitted(found, solver, "states", column, MANY)) for column in columns]
-        for solver in dict.fromkeys(own.solver for own in found)
-    }
+    solvers = dict.fromkeys(own.solver for own in found)
+    powers = {solver: [fitted(found, solver, "states", column, MANY) for column in columns] for solver in solvers}
     ticks = sorted({size.states for size in found})
     with style.figure(3.2) as figure:
         panels = figure.subplots(1, 2)
@@ -206,3 +226,63 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
             panels,
         )
     return figure
+
+
+def many_contacts(blocks: int) -> ManyContacts:
+    """Measure a run from a random initial state that enters new modes, the same run again, and SciPy's loop."""
+    system = chain(blocks, BELT)
+    x, v = np.random.default_rng(blocks).uniform(-1, 1, (2, blocks)).round(3)
+    start = np.column_stack([2 * x, v]).ravel().tolist()
+    run = partial(simulate, system, start, rtol=BY_HAND_RTOL, dense_output=False)
+    run(until=1e-6)  # prepares the system, with its initial mode only
+    new, *again = (timed(partial(run, until=HORIZON)) for _ in range(6))
+    exact = run(until=HORIZON).transitions["time_s"].to_numpy()
+    times: list[float] = []
+    by_hand = timed(lambda: times.extend(switching_by_hand(2 * x, v)))
+    agrees = len(times) == len(exact) and bool(np.abs(exact - times).max() <= BY_HAND_AGREED)
+    return ManyContacts(blocks, len(exact), new, median(again), by_hand if agrees else None)
+
+
+def switching_by_hand(x: NDArray[np.float64], v: NDArray[np.float64]) -> list[float]:
+    """Transition times of the chain [s] by ``solve_ivp`` with one right-hand side for all modes.
+
+    A block has the sign -1 or 1 in slip, and 0 in stick.
+    """
+    count = len(x)
+    between = 1.2 * (np.diag([2.0] * count) - np.eye(count, k=1) - np.eye(count, k=-1))
+    between[[0, -1], [0, -1]] = 1.2
+    stiffness = np.eye(count) + between
+    signs, t, y, times = np.sign(v - BELT), 0.0, np.concatenate([x, v]), []
+
+    def field(t: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        slip = y[count:] - BELT
+        return np.concatenate([y[count:], (signs != 0) * (-stiffness @ y[:count] - signs / (1 + 3 * signs * slip))])
+
+    def guard(i: int) -> Callable[..., float]:
+        def value(t: float, y: NDArray[np.float64]) -> float:
+            """Positive while the block slides in its direction, or sticks."""
+            return float(signs[i] * (y[count + i] - BELT) if signs[i] else 1 - abs(stiffness[i] @ y[:count]))
+
+        value.terminal, value.direction = True, -1  # type: ignore[attr-defined]
+        return value
+
+    guards = [guard(i) for i in range(count)]
+    while t < HORIZON:
+        run = solve_ivp(field, (t, HORIZON), y, "DOP853", events=guards, rtol=BY_HAND_RTOL, atol=BY_HAND_RTOL)
+        t, y = run.t[-1], run.y[:, -1]
+        for i in (i for i, own in enumerate(run.t_events) if own.size):
+            pull = -stiffness[i] @ y[:count]
+            signs[i] = np.sign(pull) if signs[i] == 0 or abs(pull) > 1 else 0
+            y[count + i] = BELT + signs[i] * 1e-12  # a released block slides, or its contact would stick again at once
+            times.append(t)
+    return times
+
+
+def contact_table(found: Sequence[ManyContacts]) -> Table:
+    """Table of transitions and times over the number of blocks."""
+    headings = ("blocks", "transitions", "first run", "second run", "SciPy DOP853 by hand")
+    lines = []
+    for own in found:
+        by_hand = "other result" if own.by_hand_s is None else duration(own.by_hand_s)
+        lines.append((f"{own.blocks}", f"{own.transitions}", duration(own.new_s), duration(own.again_s), by_hand))
+    return Table(headings, "rrrrr", lines)

@@ -1,4 +1,5 @@
-"""Sections 2 and 4.1: transition function and tangent points by SymPy; friction law, Figs. 6 and 7."""
+"""Equations of the paper by SymPy: Sections 2 and 4.1 with Figs. 6 and 7 (transition function and tangent points), and
+Eqs. (27) and (28) of Section 5."""
 
 from __future__ import annotations
 
@@ -7,9 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import sympy as sp
+from numpy.typing import NDArray
 
 from henon_ref.analysis.tangent import TangentAnalysis
+from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.figures import style
+from henon_ref.harness.studies.page import shipped_problem
 from henon_ref.harness.studies.paper import systems
 from henon_ref.harness.studies.paper.systems import (
     BASE,
@@ -38,6 +42,7 @@ from henon_ref.harness.studies.paper.systems import (
     same_set,
     stribeck,
 )
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
@@ -131,6 +136,59 @@ def moving_backward() -> float:
     """Part of the forcing period in which the base moves faster than the belt, so that z falls in a stick."""
     speed = float((BASE.diff(TIME)).subs(FIG8_VALUES).subs(TIME, 0))
     return float(np.arccos(float(FIG8_VALUES[VP]) / speed) / np.pi)
+
+
+def rig_equations() -> Findings:
+    """Check Eqs. (27) and (28), and the motion of the rig with the signs as printed from a block at rest."""
+    at_rest = shipped_problem("rig_printed", "at_rest")
+    printed, corrected = at_rest.system, shipped_problem("rig_periodic").system
+    both = all(
+        same_all([*map(system.numeric, system.field)], eq27(system, printed=flag))
+        for system, flag in ((printed, True), (corrected, False))
+    )
+    flutter, damped = (float(frictionless_eigenvalues(system)[0].real) for system in (printed, corrected))
+    run = HENON_SOLVER.prepare(at_rest, rtol=1e-13)()
+    return Findings(
+        {"eq_27": both and flutter > 0 > damped and run.status == "invalid", "terms": both},
+        {"flutter": flutter, "damped": damped, "lost": run.end_time},
+    )
+
+
+def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
+    """Eq. (27) with the friction of Eq. (28) in slip, written explicitly in the states and the sign of a rig.
+
+    xi1 ... xi7 are those of the paper, in the rig's parameters.
+
+    Parameters
+    ----------
+    system : FilippovSystem
+        A rig.
+    printed : bool
+        Whether to use the signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
+    """
+    m, k1, k2, k3, c1, c2, mu0, delta, a, b, r, vp = sp.symbols("m k1 k2 k3 c1 c2 mu0 delta a b r vp", real=True)
+    (x1, x2, x3, x4), (s,) = system.states, system.signs
+    omega = sp.sqrt((k1 + k2) / m)
+    inertia = m * (a**2 + b**2) / 3
+    xi1, xi2, xi3 = k2 / (omega**2 * m), c1 * omega / k2, k2 * r**2 / (omega**2 * inertia)
+    xi4, xi5, xi6, xi7 = (k2 + k3) / k2, omega * (c1 + c2) / k2, mu0 * k3 / k2, omega * c2 * mu0 / k2
+    friction = s * (1 - xi6 * x3 - xi7 * x4) * mu0 / (1 + delta * s * (x2 - vp))
+    coupling = -x3 - friction if printed else x3 + friction
+    field = (
+        x2,
+        -x1 - xi1 * (xi2 * (x2 + x4) + coupling),
+        x4,
+        xi3 * (-x1 - xi2 * x2 - xi4 * x3 - xi5 * x4),
+    )
+    return tuple(map(system.numeric, field))
+
+
+def frictionless_eigenvalues(system: FilippovSystem) -> NDArray[np.complex128]:
+    """Eigenvalues of the rig without friction, largest growth rate first."""
+    quiet = {system.signs[0]: sp.Integer(0)}
+    linear = sp.Matrix([system.numeric(f.xreplace(quiet)) for f in system.field]).jacobian(system.states)
+    values = np.linalg.eigvals(np.array(linear.evalf(30), dtype=float)).astype(complex)
+    return values[np.argsort(-values.real, kind="stable")]
 
 
 def draw_fig6() -> Figure:
