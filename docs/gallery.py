@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.motion import draw_portrait
 from henon_ref.figures.style import description_of, with_description
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.report.svg import shortened
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System

@@ -14,14 +14,14 @@ from uuid import uuid4
 import hypothesis
 import matplotlib
 import pytest
-from commands import SOLVERS, Drawing
+from commands import SOLVERS, drawing
 from fakes import CASE, statement
 from often import EVERY_PYTHON
 from problems import make_problem
 
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import truth_job
+from henon_ref.harness.campaign import jobs
 from henon_ref.harness.cli import compare_cases
 from henon_ref.harness.truth import store
 from henon_ref.jit.cache_folder import VARIABLE, cache_root
@@ -91,8 +91,8 @@ def problem():
 @pytest.fixture
 def made_up_solvers(monkeypatch, tmp_path):
     """In place of real ones in the command, whose folder is a temporary one."""
-    monkeypatch.setattr(compare_cases, "FigureJob", lambda result, records: Drawing(result.reading.name))
-    monkeypatch.setattr(truth_job, "statement_of", statement)
+    monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: drawing(result.reading.name))
+    monkeypatch.setattr(jobs, "statement_of", statement)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     for module in worker_process, pool:  # workers have them by fork alone, which threads of earlier tests would prevent
         monkeypatch.setattr(module, "start_method", lambda: worker_process.FORK)

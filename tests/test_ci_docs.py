@@ -45,19 +45,19 @@ def test_the_workflow_has_steps_that_use_or_run_something(steps):
 def test_the_workflow_runs_the_command_with_options_that_there_are(steps):
     compare, held = [shlex.split(step["run"]) for step in steps if " results" in str(step.get("run", ""))]
     assert compare[:3] == ["python", "-m", "henon_ref.compare"]
-    request = typer.main.get_command(compare_command.app).main(compare[3:], standalone_mode=False)
-    assert request.options["solvers"] == ("my-solver",)
-    assert held[:3] == ["henon-ref", "gate", str(request.options["folder"])]
+    request = typer.main.get_command(compare_command.app).make_context("compare", compare[3:]).params
+    assert request["solvers"] == "my-solver"
+    assert held[:3] == ["henon-ref", "gate", str(request["out"])]
     given = typer.main.get_command(gate.app).make_context("gate", held[2:]).params
     assert given["require"] == "my-solver"
     assert (given["junit"], given["baseline"], given["known"]) == (
         Path("results/henon_ref.xml"), Path("ci/runs"), Path("ci/known.csv"),
     )  # fmt: skip
-    assert given["junit"].parent == request.options["folder"]
+    assert given["junit"].parent == request["out"]
     (upload,) = [step["with"]["path"] for step in steps if "upload" in step.get("uses", "")]
-    assert Path(upload) == request.options["folder"]
+    assert Path(upload) == request["out"]
     (clone,) = [shlex.split(step["run"])[-1] for step in steps if "git clone" in step.get("run", "")]
-    (cases,) = request.cases
+    (cases,) = request["cases"]
     assert case_files(ROOT / cases.relative_to(clone))
 
 

@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 from shipped import read
 
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 
 DOCS = Path(__file__).parent.parent / "docs"
 LARGEST = 500_000

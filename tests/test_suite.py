@@ -18,7 +18,7 @@ from shipped import CASES, paths, read, readings, shipped
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import Case, Reading, load_case
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.store import folder_of

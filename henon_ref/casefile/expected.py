@@ -14,17 +14,11 @@ from henon_ref.system.source import Names, Source
 from henon_ref.text import did_you_mean, listed
 
 
-class Rounded:
-    """Exact number that is compared by its double first, and exactly only if the doubles nearly agree."""
-
-    def __init__(self, exact: sp.Expr) -> None:
-        self.exact = exact
-        self.value = float(exact)
-
-    def __lt__(self, other: Rounded) -> bool:
-        if abs(self.value - other.value) > 1e-12 * (abs(self.value) + abs(other.value)):
-            return self.value < other.value
-        return self.exact != other.exact and exact_sign(other.exact - self.exact) > 0
+def _precedes(one: tuple[sp.Expr, float], other: tuple[sp.Expr, float]) -> bool:
+    """Compare two exact numbers by their doubles, and exactly only if the doubles nearly agree."""
+    if abs(one[1] - other[1]) > 1e-12 * (abs(one[1]) + abs(other[1])):
+        return one[1] < other[1]
+    return one[0] != other[0] and exact_sign(other[0] - one[0]) > 0
 
 
 def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exact | None:
@@ -32,15 +26,16 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
     if form.exact is None:
         return None
     modes, times = form.exact.modes, []
-    before, until = Rounded(problem.start), Rounded(problem.until)
+    before, until = ((limit, float(limit)) for limit in (problem.start, problem.until))
     for i in range(len(form.exact.transition_times)):
         path = ("exact", "transition_times", i)
-        time = Rounded(source.number(path, names.values))
-        if time < before:
+        number = source.number(path, names.values)
+        time = (number, float(number))
+        if _precedes(time, before):
             raise source.error(path, "exact transition times must be in increasing order and not before the start")
-        if until < time:
+        if _precedes(until, time):
             raise source.error(path, "this exact transition time is after 'until'")
-        times.append(time.exact)
+        times.append(number)
         before = time
     for i, mode in enumerate(modes):
         if len(mode) != len(problem.system.surfaces):

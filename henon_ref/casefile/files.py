@@ -52,15 +52,8 @@ def yaml_files(folder: Path) -> list[Path]:
 def located(path: str | Path) -> Path:
     """Return the file or folder of an existing path, or else of the shipped cases of that name.
 
-    Parameters
-    ----------
-    path : str or Path
-        ``my_case.yaml``, ``my_folder``, ``fig8``, ``hard``, ``hard/grazing``.
-
-    Raises
-    ------
-    CaseError
-        If the name is neither. (A missing file ``.yaml`` raises an error when it is read.)
+    Examples are ``my_case.yaml``, ``my_folder``, ``fig8``, ``hard``, ``hard/grazing``. CaseError if the name is
+    neither. (A missing file ``.yaml`` raises an error when it is read.)
     """
     path = Path(path)
     if os.path.lexists(path) or path.is_absolute() or path.suffix in SUFFIXES:
@@ -74,13 +67,7 @@ def located(path: str | Path) -> Path:
 
 
 def case_files(path: Path) -> list[Path]:
-    """Return the case files that a path, or the name of shipped cases, denotes, in order.
-
-    Raises
-    ------
-    CaseError
-        If a folder contains no case file, or the name is unknown.
-    """
+    """Return the case files that a path, or the name of shipped cases, denotes, in order; CaseError if none."""
     path = located(path)
     if not path.is_dir():
         return [path]

@@ -101,19 +101,9 @@ def kind_of(annotation: Any) -> Kind:
 
 
 def read_form(form: type[AnyForm], source: Source, *, partial: bool = False) -> AnyForm:
-    """Read a mapping of a file into a form.
+    """Read a mapping of a file into a form; CaseError with line and column of the first key or value with a fault.
 
-    Parameters
-    ----------
-    form : type
-    source : Source
-    partial : bool
-        Whether required keys at the top level may be missing.
-
-    Raises
-    ------
-    CaseError
-        At the line and column of the first key or value with a fault.
+    ``partial``: whether required keys at the top level may be missing.
     """
     reader = _Reader(source.most_states)
     found: AnyForm = reader.form(form, source.tree, "", source.tree.place, partial=partial)

@@ -9,14 +9,12 @@ from henon_ref.modes.latex import general_form
 from henon_ref.modes.problem import Problem
 from henon_ref.text import html, listed
 
-MOST_READINGS, MOST_SYSTEMS = 12, 3
-"""Largest numbers of readings and of different systems of equations that are shown."""
 HEADINGS = ("reading", "states", "surfaces", "from t [s]", "to t [s]")
 
 
 def case_html(name: str, title: str, problems: Mapping[str, Problem]) -> str:
     """Return a table of the readings' problems, followed by the equations; text of the case is escaped."""
-    rows = [_row(reading, problem) for reading, problem in list(problems.items())[:MOST_READINGS]]
+    rows = [_row(reading, problem) for reading, problem in list(problems.items())[:12]]
     head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
     body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
@@ -34,7 +32,7 @@ def equations_html(problems: Mapping[str, Problem]) -> str:
     systems: dict[str, list[str]] = {}
     for reading, problem in problems.items():
         systems.setdefault(general_form(problem.system), []).append(reading)
-    shown = list(systems.items())[:MOST_SYSTEMS]
+    shown = list(systems.items())[:3]
     parts = [
         (f"<p>{html(listed(readings, 6))}:</p>" if len(systems) > 1 else "")
         + (f"<div>$${escape(formula)}$$</div>" if formula else "<p>the equations are too long to be typeset</p>")

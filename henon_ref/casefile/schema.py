@@ -25,14 +25,6 @@ from henon_ref.text import shortened
 MAX_NAME = 64
 """Largest number of characters of the name of a case or a reading, which becomes a file name."""
 NAME_PATTERN = f"^[a-z0-9_]{{1,{MAX_NAME}}}$"
-_DATE = re.compile(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}")
-"""Text that YAML 1.1 reads as a date."""
-_CONTROLS = ("Cc", "Zl", "Zp", "Cs")
-"""Unicode categories of control characters, line and paragraph separators, and surrogates."""
-
-ExpectedVerdict = Literal["ill-conditioned"]
-ExpectedStatus = Literal["ok", "diverged", "nonunique", "invalid", "failed"]
-GateStatus = Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"]
 
 
 # -- scalars --------------------------------------------------------------------------------------------
@@ -43,7 +35,8 @@ def _expression(value: Any) -> str:
         raise ValueError("must be a number or an expression (text)")
     if isinstance(value, Decimal) and not value.is_finite():
         raise ValueError("must be a finite number or an expression")
-    if isinstance(value, str) and _DATE.fullmatch(value.strip()):
+    # YAML 1.1 reads such text as a date.
+    if isinstance(value, str) and re.fullmatch(r"[0-9]{4}-[0-9]{1,2}-[0-9]{1,2}", value.strip()):
         raise ValueError(f"{value.strip()} is a date; write a difference with spaces, as in 3 - 2 - 1")
     return str(value)
 
@@ -76,7 +69,8 @@ def _text(value: Any) -> str:
     if not isinstance(value, str) or not value.strip():
         raise ValueError("must be text (put quotes around a number or a word such as true)")
     for character in value:
-        if character not in "\t\n" and unicodedata.category(character) in _CONTROLS:
+        # Control characters, line and paragraph separators, and surrogates.
+        if character not in "\t\n" and unicodedata.category(character) in ("Cc", "Zl", "Zp", "Cs"):
             raise ValueError(f"the control character U+{ord(character):04X} is not allowed in text")
     return value
 
@@ -245,17 +239,23 @@ class Gate(Form):
     at: Annotated[Tolerance | None, "tolerance of the row; the tightest if left out"] = None
     max_time_error: Annotated[Positive | None, "largest error of a transition time [s]"] = None
     max_stick_error: Annotated[Positive | None, "largest error of a stick duration [s]"] = None
-    status: Annotated[GateStatus | None, "the status the row must have; ok if left out"] = None
+    status: Annotated[
+        Literal["ok", "wrong", "diverged", "nonunique", "invalid", "unsupported"] | None,
+        "the status the row must have; ok if left out",
+    ] = None
 
 
 @dataclass(frozen=True)
 class Expect(Form):
     """Expected end of the run if not at the horizon, and whether double precision can decide it."""
 
-    status: Annotated[ExpectedStatus, "status of the run; ok, at the horizon, if left out"] = "ok"
+    status: Annotated[
+        Literal["ok", "diverged", "nonunique", "invalid", "failed"],
+        "status of the run; ok, at the horizon, if left out",
+    ] = "ok"
     reason: Annotated[OneLine | None, "reason"] = None
     verdict: Annotated[
-        ExpectedVerdict | None,
+        Literal["ill-conditioned"] | None,
         "no double-precision state decides what happens: its transitions have no finite conditioning",
     ] = None
     time: Annotated[Expression | None, "time of the end [s]"] = None

@@ -142,35 +142,18 @@ def is_peer(name: str) -> bool:
 
 
 def check(name: str) -> str:
-    """Return the name of a solver unchanged if the solver exists.
-
-    Raises
-    ------
-    CaseError
-        If the solver or its restart does not exist; the message suggests the nearest name.
-    """
+    """Return the name of a solver unchanged; CaseError with the nearest name if it or its restart does not exist."""
     base, restart = _base_and_restart(name)
     if base not in names():
         raise CaseError(unknown_solver(base, names()))
     if base != name:
-        check_restart(restart)
+        if restart not in RESTARTS:
+            hint = did_you_mean(restart, RESTARTS)
+            raise CaseError(f"unknown restart '{restart}'{hint}; restarts: {listed(RESTARTS)}")
         if not restart_of(base):
             able = [known for known in default_names() if restart_of(known)]
             raise CaseError(f"'{base}' restarts no library, so it takes no '{AT}'; solvers that do: {listed(able)}")
     return name
-
-
-def check_restart(restart: str) -> str:
-    """Return a restart unchanged if it exists.
-
-    Raises
-    ------
-    CaseError
-        If it does not exist; the message suggests the nearest restart.
-    """
-    if restart not in RESTARTS:
-        raise CaseError(f"unknown restart '{restart}'{did_you_mean(restart, RESTARTS)}; restarts: {listed(RESTARTS)}")
-    return restart
 
 
 def base_name(name: str) -> str:

@@ -17,6 +17,7 @@ import socket
 import struct
 import sys
 from collections.abc import Iterator
+from typing import BinaryIO
 
 LARGEST = 2**28
 """Largest size of a solver's message [bytes]."""
@@ -27,8 +28,8 @@ NO_TOKEN = bytes(TOKEN)
 _HEAD = struct.Struct(f"=4s{TOKEN}siQ")
 """Magic number, token, process number of the sender, length of the pickle."""
 _CREDENTIALS = struct.Struct("=iii")
-_AT_ONCE, _IN_A_ROW = 1 << 18, 64
-"""Number of bytes read by one call, and number of consecutive calls for one worker."""
+_AT_ONCE = 1 << 18
+"""Number of bytes read by one call."""
 _VOUCHED = sys.platform == "linux"
 
 
@@ -93,13 +94,10 @@ class Channel:
     def receive(self) -> Iterator[tuple[bytes, bytes]]:
         """Yield token and pickle of the worker's messages that have arrived; of a large amount of data, a part.
 
-        Raises
-        ------
-        NoReply
-            If the worker has sent other data, or a message that is too large.
+        NoReply if the worker has sent other data, or a message that is too large.
         """
         yield from self._messages()
-        for _ in range(_IN_A_ROW):
+        for _ in range(64):  # then the other workers are served
             try:
                 piece, extra = self._piece()
             except BlockingIOError:
@@ -142,21 +140,11 @@ class Channel:
                 yield token, pickled
 
 
-def read_message(theirs: socket.socket) -> tuple[bytes, bytes] | None:
+def read_message(stream: BinaryIO) -> tuple[bytes, bytes] | None:
     """Wait for the next message at the worker's end; return token and pickle, or None if the caller has closed."""
-    head = _exactly(theirs, _HEAD.size)
-    if head is None:
+    head = stream.read(_HEAD.size)
+    if len(head) < _HEAD.size:
         return None
     _, token, _, length = _HEAD.unpack(head)
-    pickled = _exactly(theirs, length)
-    return None if pickled is None else (token, pickled)
-
-
-def _exactly(theirs: socket.socket, count: int) -> bytes | None:
-    parts = bytearray()
-    while len(parts) < count:
-        piece = theirs.recv(min(count - len(parts), _AT_ONCE))
-        if not piece:
-            return None
-        parts += piece
-    return bytes(parts)
+    pickled = stream.read(length)
+    return (token, pickled) if len(pickled) == length else None

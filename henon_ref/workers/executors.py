@@ -13,19 +13,14 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job, WorkerState
 
-AHEAD = 3
-"""Number of submitted tasks for each worker of an executor."""
 TRIES = 3
 """Number of attempts at a task whose worker dies."""
-WORKERS_ASSUMED = 16
-"""Assumed number of workers of an executor that does not report it."""
 
 
 class EndedError(HenonRefError):
@@ -45,13 +40,7 @@ def processors() -> int:
 
 
 def check_executor(executor: Any) -> None:
-    """Check that tasks can be submitted to an executor.
-
-    Raises
-    ------
-    ArgumentError
-        If it is neither an Executor nor a Dask Client, or is a closed client.
-    """
+    """Raise ArgumentError for what is neither an Executor nor a Dask Client, or is a closed client."""
     if executor is not None and not isinstance(executor, Executor) and not hasattr(executor, "get_executor"):
         raise ArgumentError(
             f"executor is a {type(executor).__name__}; wanted a concurrent.futures.Executor, a Dask Client, or None"
@@ -82,7 +71,7 @@ def finished(
         If workers die repeatedly, or the executor ends. Exceptions of a task propagate.
     """
     if executor is not None:
-        yield from _on_executor(function, iter(tasks), executor)
+        yield from _on_executor(function, tasks, executor)
     elif jobs == 1:
         for task in tasks:
             yield task.number, function(*task.arguments)
@@ -90,8 +79,9 @@ def finished(
         yield from _by_workers(function, iter(tasks), jobs)
 
 
-def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: Any) -> Iterator[tuple[int, Any]]:
-    workers = getattr(executor, "_max_workers", None) or WORKERS_ASSUMED
+def _on_executor(function: Callable[..., Any], tasks: Iterable[Task], executor: Any) -> Iterator[tuple[int, Any]]:
+    """Execute tasks, three per worker submitted at a time."""
+    workers = getattr(executor, "_max_workers", None) or 16  # if it does not report them
     with ExitStack() as stack:
         if not isinstance(executor, Executor):
             with _reached():
@@ -100,7 +90,13 @@ def _on_executor(function: Callable[..., Any], tasks: Iterator[Task], executor: 
             stack.callback(executor.shutdown, wait=False)
         running: dict[Future[Any], Task] = {}
         try:
-            yield from _flow(function, tasks, executor, running, AHEAD * workers)
+            for task in tasks:
+                with _reached():
+                    running[executor.submit(function, *task.arguments)] = task
+                if len(running) >= 3 * workers:
+                    yield from _done(running)
+            while running:
+                yield from _done(running)
         except (CancelledError, BrokenExecutor) as error:
             raise _ended(error) from error
         finally:
@@ -125,42 +121,18 @@ def _ended(error: Exception) -> EndedError:
     )
 
 
-def _flow(
-    function: Callable[..., Any],
-    tasks: Iterator[Task],
-    executor: Executor,
-    running: dict[Future[Any], Task],
-    most: int,
-) -> Iterator[tuple[int, Any]]:
-    """Keep ``most`` tasks submitted; tasks still in ``running`` at the end are unfinished."""
-    for task in tasks:
-        with _reached():
-            running[executor.submit(function, *task.arguments)] = task
-        if len(running) >= most:
-            yield from _done(running)
-    while running:
-        yield from _done(running)
-
-
 def _done(running: dict[Future[Any], Task]) -> Iterator[tuple[int, Any]]:
     for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=lambda f: running[f].number):
         found = future.result()
         yield running.pop(future).number, found
 
 
-@dataclass(frozen=True)
-class _Call(Job):
-    """Task as a job of a worker; its result is whether it succeeded, and its value or exception."""
-
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
-    seconds: float = math.inf
-
-    def run(self, state: WorkerState) -> tuple[bool, Any]:
-        try:
-            return True, self.function(*self.arguments)
-        except Exception as error:  # noqa: BLE001 - any exception is raised again in the caller
-            return False, _sendable(error)
+def _call(state: WorkerState, function: Callable[..., Any], *arguments: Any) -> tuple[bool, Any]:
+    """Job: call the function of a task; return whether it succeeded, and its value or exception."""
+    try:
+        return True, function(*arguments)
+    except Exception as error:  # noqa: BLE001 - any exception is raised again in the caller
+        return False, _sendable(error)
 
 
 def _sendable(error: Exception) -> Exception:
@@ -180,7 +152,7 @@ def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) 
     def sequence() -> Jobs:
         for task in tasks:
             for _ in range(TRIES):
-                result = yield _Call(function, task.arguments)
+                result = yield Job(_call, (function, *task.arguments), math.inf)
                 if not isinstance(result, Failure):
                     break
             else:

@@ -18,8 +18,6 @@ import numpy as np
 
 LIBRARIES = ("henon-ref", "numpy", "sympy", "llvmlite", "python-flint", "pandas", "pydantic", "ruamel.yaml")
 """Packages whose versions affect runs of the reference and sweeps."""
-BUILDS = ("numpy", "scipy", "scikit_sundae")
-"""Packages whose wheels contain linear algebra libraries."""
 
 
 def machine() -> dict[str, object]:
@@ -83,7 +81,7 @@ def _linear_algebra() -> str:
     """
     from threadpoolctl import threadpool_info
 
-    for package in BUILDS:
+    for package in ("numpy", "scipy", "scikit_sundae"):  # their wheels contain such libraries
         for library in Path(np.__file__).parents[1].glob(f"{package}.libs/*openblas*"):
             with contextlib.suppress(OSError):
                 ctypes.CDLL(str(library))

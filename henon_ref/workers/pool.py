@@ -39,12 +39,6 @@ WALL = 3.0
 """Wall time that a job may take, as a multiple of its deadline."""
 COMPILE_SECONDS = 120.0
 """Processor time that a job may spend on compiling that its preparation did not cover [s]."""
-BEGIN_SECONDS = 120.0
-"""Wall time after which a worker that has not started is abandoned [s]."""
-MOST_LOST = 3
-"""Number of workers that may end before they have started; one more raises an error."""
-ABSENCE = 1.0
-"""Interval between two checks above which the caller was busy; it does not count as the worker's time [s]."""
 REUSED = 0.25
 """Largest growth of a worker that is reused for another sequence, as a fraction of its memory limit."""
 
@@ -244,7 +238,7 @@ class WorkerPool:
             worker = task.worker
             if worker is None or task.token == NO_TOKEN:
                 continue
-            if absent > ABSENCE:
+            if absent > 1.0:  # the caller was busy
                 task.pause(absent)
             if worker.began_with is None:
                 self._replace_unbegun(task, worker)
@@ -270,17 +264,14 @@ class WorkerPool:
         self._next(task, result)
 
     def _replace_unbegun(self, task: _Task, worker: WorkerProcess) -> None:
-        """Send a job to a new worker if its worker does not start, which is not a failure of the job.
+        """Send a job to a new worker if its worker does not start within 120 s, which is no failure of the job.
 
-        Raises
-        ------
-        HenonRefError
-            If this has happened too often.
+        HenonRefError if this happens for the fourth time.
         """
-        if worker.ended is None and time.monotonic() - worker.asked < BEGIN_SECONDS:
+        if worker.ended is None and time.monotonic() - worker.asked < 120.0:
             return
         self._without_worker(task)
         self._lost += 1
-        if self._lost > MOST_LOST:
+        if self._lost > 3:
             raise HenonRefError(f"{self._lost} worker processes ended before they had started")
         self._send(task)

@@ -16,10 +16,6 @@ from pathlib import Path
 
 KNOWN = sys.platform == "linux" and Path("/proc/self/stat").exists()
 """Whether the system has this information."""
-_TIMES, _RESIDENT = slice(11, 15), 21
-"""Fields of ``/proc/PID/stat`` after the name: times of the process and of its reaped children; resident pages."""
-_DEATH_SIGNAL, _SUBREAPER = 1, 36
-"""Numbers of ``prctl`` requests."""
 
 
 def family(pid: int) -> list[int]:
@@ -43,13 +39,13 @@ def children(pid: int) -> list[int]:
 
 def processor_seconds(pids: Iterable[int]) -> float:
     """Return the processor time of processes and their reaped children [s]."""
-    ticks = sum(sum(map(int, fields[_TIMES])) for pid in pids if (fields := _stat(pid)))
+    ticks = sum(sum(map(int, fields[11:15])) for pid in pids if (fields := _stat(pid)))
     return ticks / os.sysconf("SC_CLK_TCK") if KNOWN else 0.0
 
 
 def resident_bytes(pids: Iterable[int]) -> int:
     """Return the resident memory of processes [bytes]; shared memory counts for each of them."""
-    pages = sum(int(fields[_RESIDENT]) for pid in pids if (fields := _stat(pid)))
+    pages = sum(int(fields[21]) for pid in pids if (fields := _stat(pid)))
     return pages * os.sysconf("SC_PAGE_SIZE") if KNOWN else 0
 
 
@@ -90,14 +86,14 @@ def kill_family(pid: int) -> None:
 
 def adopt_orphans() -> None:
     """Make this process the parent of its descendants that lose theirs."""
-    _request(_SUBREAPER, 1)
+    _prctl(36, 1)  # PR_SET_CHILD_SUBREAPER
 
 
 def signal_with_parent(number: int) -> None:
     """Request a signal for the time when this process's parent ends, for whatever reason."""
-    _request(_DEATH_SIGNAL, number)
+    _prctl(1, number)  # PR_SET_PDEATHSIG
 
 
-def _request(what: int, value: int) -> None:
+def _prctl(option: int, value: int) -> None:
     if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(what, value, 0, 0, 0)
+        ctypes.CDLL(None, use_errno=True).prctl(option, value, 0, 0, 0)

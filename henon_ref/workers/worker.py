@@ -22,11 +22,10 @@ import sys
 import threading
 import time
 import traceback
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import compile_listener
@@ -59,20 +58,17 @@ class WorkerState:
         return compile_listener(lambda seconds: self.tell(COMPILING, seconds))
 
 
-class Job(ABC):
-    """Job of a worker; it must be picklable."""
+@dataclass(frozen=True)
+class Job:
+    """Job of a worker: a call of a function, which is pickled with its arguments."""
 
-    rests: ClassVar[bool] = False
+    function: Callable[..., Any]
+    """Receives the :class:`WorkerState` and the arguments; its value is the result of the job."""
+    arguments: tuple[Any, ...]
+    seconds: float
+    """Deadline: processor time of the worker and its descendants for this job [s]."""
+    rests: bool = False
     """Whether the job depends on objects that previous jobs have left in the worker."""
-
-    @property
-    @abstractmethod
-    def seconds(self) -> float:
-        """Deadline: processor time of the worker and its descendants for this job [s]."""
-
-    @abstractmethod
-    def run(self, state: WorkerState) -> Any:
-        """Do the work in the worker, and return the result of the job."""
 
 
 @dataclass(frozen=True)
@@ -200,7 +196,8 @@ def _serve(theirs: socket.socket) -> None:
     gc.freeze()  # objects inherited by the fork need no further collections
     me, state = os.getpid(), WorkerState(lambda kind, value: None)
     theirs.sendall(framed(NO_TOKEN, b""))
-    while (request := read_message(theirs)) is not None:
+    requests = theirs.makefile("rb")
+    while (request := read_message(requests)) is not None:
         token, pickled = request
 
         def tell(kind: str, value: Any, token: bytes = token, me: int = me) -> None:
@@ -209,7 +206,8 @@ def _serve(theirs: socket.socket) -> None:
 
         state.tell = tell
         try:
-            result = pickle.loads(pickled).run(state)
+            job: Job = pickle.loads(pickled)
+            result = job.function(state, *job.arguments)
         except BaseException as error:  # noqa: BLE001 - a failure of a library must not end the other jobs
             result = failure_of(error)
         if os.getpid() != me:  # a fork made by the solver has returned from it

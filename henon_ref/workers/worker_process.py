@@ -34,15 +34,11 @@ from henon_ref.workers.channel import LARGEST, Channel
 from henon_ref.workers.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
-START_VARIABLE = "HENON_REF_START"
-"""Environment variable; with ``spawn``, every worker is a new process, as on systems without fork."""
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Workers use one thread each: threads of linear algebra would compete with other workers."""
 FORK, SERVER, SPAWN = "fork", "forkserver", "spawn"
 SERVER_START = "henon_ref.workers.server_start"
 """First module that a fork server imports."""
-LOG_TAIL = 4000
-"""Number of bytes kept of the end of a worker's output."""
 _AT_ONCE = 1 << 16
 _served = False
 """Whether this process has started a fork server."""
@@ -52,7 +48,7 @@ _own_ends: set[socket.socket] = set()
 
 def start_method() -> str:
     """Return how workers start; a process is forked only if no other thread can hold a lock."""
-    if sys.platform != "linux" or os.environ.get(START_VARIABLE) == SPAWN:
+    if sys.platform != "linux" or os.environ.get("HENON_REF_START") == SPAWN:
         return SPAWN
     return FORK if threading.active_count() == 1 and not _served else SERVER
 
@@ -192,7 +188,7 @@ class WorkerProcess:
             return
         with suppress(BlockingIOError, ConnectionResetError):
             printed = self._log.recv(_AT_ONCE)
-            self._tail = (self._tail + printed)[-LOG_TAIL:]
+            self._tail = (self._tail + printed)[-4000:]
             if not printed and self._log in self._listened:
                 self._listened.remove(self._log)
 

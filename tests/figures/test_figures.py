@@ -16,8 +16,7 @@ from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, mo
 from henon_ref.figures.style import description_of, image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.run_jobs import sample_times
-from henon_ref.harness.campaign.truth_job import statement_of
+from henon_ref.harness.campaign.jobs import sample_times, statement_of
 from henon_ref.harness.figures import draw_cost, draw_errors, running_maximum
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected

@@ -13,7 +13,7 @@ from jobs import Act, burn, grandchild, send_all
 
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.errors import UnsupportedError
-from henon_ref.harness.campaign.truth_job import Statement
+from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.score.reference import Expected
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.problem import Problem
@@ -92,7 +92,7 @@ def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **change
 
 
 def statement(case: Case, reading: object) -> Statement:
-    """Takes the place of ``truth_job.statement_of``."""
+    """Takes the place of ``jobs.statement_of``."""
     return Statement(expected(), methods=(("made up", (256,), 0.1),), certified=True, proven=len(TIMES))
 
 

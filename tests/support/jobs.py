@@ -92,7 +92,7 @@ def square(value: int) -> int:
 
 
 @dataclass(frozen=True)
-class Act(Job):
+class Act:
     """A job that does what its name says; its result is its name twice, or else what is asked for."""
 
     what: str
@@ -305,7 +305,7 @@ class Trap:
 
 
 @dataclass(frozen=True)
-class Stuck(Job):
+class Stuck:
     """A job that does not go into a pickle."""
 
     what: str = "stuck"
@@ -325,10 +325,10 @@ class Collector:
         self.results: dict[str, object] = {}
         self.failures: dict[str, Failure] = {}
 
-    def jobs(self, *jobs: str | Job) -> Jobs:
+    def jobs(self, *jobs: str | Act | Stuck) -> Jobs:
         for job in jobs:
             asked = Act(job) if isinstance(job, str) else job
-            result = yield asked
+            result = yield Job(asked.run, (), asked.seconds)
             self.take(asked.what, result)
 
     def take(self, what: str, result: object) -> None:
@@ -339,7 +339,7 @@ class Collector:
 
 
 def run(
-    *queues: list[str | Job], collector: Collector | None = None, workers: int = 2, main: bool = False
+    *queues: list[str | Act | Stuck], collector: Collector | None = None, workers: int = 2, main: bool = False
 ) -> Collector:
     """Do jobs, each list in a queue of its own."""
     collector = collector or Collector()

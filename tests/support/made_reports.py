@@ -8,7 +8,7 @@ from fakes import CASE, case, expected, found, statement, trajectory
 
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.studies.study import StudyRequest
@@ -32,7 +32,7 @@ ORIGIN = Provenance(
 
 def study_request(cases, options, folder, rows=None, origin=ORIGIN) -> StudyRequest:
     """Request of a study that reports no progress."""
-    return StudyRequest(cases, options, origin, folder, Observer(), lambda words: None, rows)
+    return StudyRequest(cases, options, origin, folder, ProgressLine(None), lambda words: None, rows)
 
 
 def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=None, reading=None) -> Record:

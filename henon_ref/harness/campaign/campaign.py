@@ -1,50 +1,23 @@
-"""Campaign: run every solver on every reading of some cases in a pool of workers.
-
-The truths are fetched first. Then each solver runs each reading from the loosest setting to the tightest. Each answer
-is scored before it is timed, and each finished row is written to the journal before the next run starts.
-"""
+"""Comparison of solvers: every solver on every reading of some cases, in a pool of workers."""
 
 from __future__ import annotations
 
-import logging
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import nullcontext
-from dataclasses import replace
-from typing import Any, TypeVar
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
 
-from henon_ref.casefile.case import Case, Reading
+from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
-from henon_ref.harness import registry
 from henon_ref.harness.campaign import WORKERS_NEED
-from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
-from henon_ref.harness.campaign.options import Options, Setting
-from henon_ref.harness.campaign.plan import (
-    NOT_RUN,
-    SAMPLERS,
-    CaseState,
-    PendingRuns,
-    check_solvers,
-    chosen_solvers,
-    sample_job,
-)
-from henon_ref.harness.campaign.progress import TRUTH, Observer, ProgressLine, is_seen
-from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
-from henon_ref.harness.campaign.run_jobs import TOO_LONG_TO_PREPARE, PrepareJob, RunJob, TimeJob, most_transitions
-from henon_ref.harness.campaign.truth_job import Statement, TruthJob, stored_statement
-from henon_ref.harness.score.verdict import RIGHT
+from henon_ref.harness.campaign.case_campaign import CaseCampaign, Deliver, Draw
+from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.options import Options, check_solvers
+from henon_ref.harness.campaign.progress import ProgressLine, is_seen
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.solver import Solver
-from henon_ref.workers.pool import Jobs, WorkerPool
-from henon_ref.workers.worker import Failure, Job
-
-_LOG = logging.getLogger(__name__)
+from henon_ref.workers.pool import WorkerPool
 
 T = TypeVar("T")
-Deliver = Callable[[Comparison], None]
-"""Function that receives the comparison of a case after its last row is finished."""
-Draw = Callable[[ReadingResult, list[Record]], Job]
-"""Function that returns the job to draw the figures of a reading; the job's result maps file names to contents."""
 
 
 def compare(
@@ -104,7 +77,7 @@ def compare(
         raise CaseError(f"progress is {progress!r}, wanted None, True or False")
     found: list[Comparison] = []
     shown = sys.stderr is not None and (is_seen(sys.stderr) if progress is None else progress)
-    with ProgressLine(sys.stderr, case.name) if shown else nullcontext() as line:
+    with ProgressLine(sys.stderr if shown else None, case.name) as line:
         compare_all([case], options, found.append, observer=line)
     return found[0]
 
@@ -124,12 +97,12 @@ def compare_all(
     deliver: Deliver,
     *,
     draw: Draw | None = None,
-    observer: Observer | None = None,
+    observer: ProgressLine | None = None,
 ) -> None:
     """Compare several cases; deliver the comparison of each case after its last run.
 
     ``draw`` returns the job that draws the figures of a reading after its rows are finished; None: no figures and no
-    samples.
+    samples. Without an ``observer``, no progress is shown.
 
     Raises
     ------
@@ -138,165 +111,15 @@ def compare_all(
     """
     cache_root()  # chooses a usable cache folder, which the workers inherit
     check_solvers(cases, options)
-    _Campaign(cases, options, deliver, draw, observer or Observer()).run()
-
-
-class _Campaign:
-    def __init__(
-        self, cases: Sequence[Case], options: Options, deliver: Deliver, draw: Draw | None, observer: Observer
-    ) -> None:
-        self.cases, self.options, self.deliver, self.draw, self.observer = cases, options, deliver, draw, observer
-        self._pool = WorkerPool(
-            workers=options.processes, memory=options.memory, main=options.of_main, modules=WORKERS_NEED
-        )
-        self._statements: dict[tuple[str, str], Statement] = {}
-
-    def run(self) -> None:
-        """Fetch the truths, run all queued jobs, and deliver every case."""
-        self._fetch_truths()
-        states = [CaseState(case, self._statements, self.options) for case in self.cases]
-        waiting = sum(self._queue_runs(state) for state in states)
-        kept = sum(len(state.rows) for state in states)
-        self.observer.stage("rows", waiting + kept, kept)
-        self._pool.run(self.observer.tick)
-        for state in states:
-            if not state.delivered:  # all rows came from the journal, and no figure is drawn
-                self._deliver(state)
-
-    def _fetch_truths(self) -> None:
-        """Read the stored truth of every reading; let a worker compute it if none is stored."""
-        unknown = 0
-        for case in self.cases:
-            for reading in case.readings:
-                if not chosen_solvers(reading, self.options):
-                    continue
-                stored = stored_statement(case, reading)
-                if stored is None:
-                    unknown += 1
-                    self._pool.add("truths", self._truth(case, reading))
-                else:
-                    self._statements[case.name, reading.name] = stored
-        self.observer.stage("truths", unknown)
-        self._pool.run(self.observer.tick)
-
-    def _truth(self, case: Case, reading: Reading) -> Jobs:
-        """Compute the truth of a reading; if that fails, the runs are not scored and the report gives the reason."""
-        self.observer.begun(case.name, f"{reading.name} {TRUTH}")
-        found: Statement | Failure = yield TruthJob(case, reading)
-        if isinstance(found, Failure):
-            found = Statement(None, reason=found.reason)
-        self._statements[case.name, reading.name] = found
-        self.observer.truth(f"{case.name} {reading.name}")
-
-    def _queue_runs(self, state: CaseState) -> int:
-        """Queue the runs of a case and the samples for its figures; return the number of rows to make."""
-        by_solver: dict[str, list[tuple[ReadingResult, Jobs]]] = {}
-        rows = 0
-        for result in state.results.values():
-            for pending in state.pending_runs(result):
-                by_solver.setdefault(pending.name, []).append((result, self._rows(state, pending)))
-                rows += len(pending.settings)
-            if self.draw is not None and state.is_drawn(result):
-                by_solver.setdefault(SAMPLERS[0], []).append((result, self._samples(result)))
-        # The registry lists the fast solvers first. Started last, they fill the gaps left by the slow solvers.
-        for name, sequences in reversed(by_solver.items()):
-            for result, jobs in sequences:
-                self._add(f"{state.case.name} {name}", state, result, jobs)
-        return rows
-
-    def _add(self, queue: str, state: CaseState, result: ReadingResult, jobs: Jobs, *, first: bool = False) -> None:
-        """Queue a sequence of jobs on a reading, and count it as pending until it is done."""
-        state.pending[result.reading.name] += 1
-        self._pool.add(queue, self._counted(state, result, jobs), first=first)
-
-    def _counted(self, state: CaseState, result: ReadingResult, jobs: Jobs) -> Jobs:
-        """Yield the jobs; after the last job of a reading queue its figures, after the last of a case deliver it."""
-        yield from jobs
-        reading = result.reading.name
-        state.pending[reading] -= 1
-        if state.pending[reading] == 0 and self.draw is not None and state.is_drawn(result) and not result.drawn:
-            result.drawn = True
-            drawing = self._figures(result, self.draw(result, state.records(reading)))
-            self._add("figures", state, result, drawing, first=True)
-        if not state.pending.total():
-            self._deliver(state)
-
-    def _rows(self, state: CaseState, pending: PendingRuns) -> Jobs:
-        """Make the rows of one solver on one reading; skip the tighter settings after a timeout.
-
-        They are not skipped if the run that timed out has spurious transitions, since its cost then says nothing
-        about other settings, or if the caller requires all rows of the solver.
-        """
-        settings = iter(pending.settings)
-        for number, setting in enumerate(settings):
-            outcome = yield from self._outcome(state, pending, setting, cold=number == 0)
-            self._keep(state, outcome, pending.result)
-            invented = outcome.score is not None and bool(outcome.score.matching.spurious)
-            if outcome.timed_out and not (invented or pending.demanded):
-                for untried in _untried(outcome, settings):
-                    self._keep(state, untried, pending.result)
-
-    def _outcome(
-        self, state: CaseState, pending: PendingRuns, setting: Setting, *, cold: bool
-    ) -> Generator[Job, Any, Outcome]:
-        """Prepare, run and score one setting; time the run if its answer is right."""
-        reading, expected, options = pending.result.reading, pending.result.expected, self.options
-        self.observer.begun(state.case.name, f"{reading.name} {pending.name} {setting.label}")
-        version = registry.library_version(pending.solver) if isinstance(pending.solver, str) else ""
-        outcome = Outcome(state.case.name, reading, pending.name, setting, library_version=version)
-        prepared = yield PrepareJob(pending.solver, reading.problem, setting, options.timeout)
-        if isinstance(prepared, Failure):
-            if prepared.ignored:  # prepare() has no deadline that it could have kept
-                prepared = Failure("timeout", TOO_LONG_TO_PREPARE)
-            return replace(outcome, failure=prepared)
-        outcome = replace(outcome, **vars(prepared))
-        ran = yield RunJob(options.timeout, most_transitions(0 if expected is None else len(expected.transitions)))
-        if isinstance(ran, Failure):
-            return replace(outcome, failure=ran)
-        outcome = scored(replace(outcome, trajectory=ran.trajectory), expected)
-        if outcome.score is None or outcome.score.verdict != RIGHT or not options.timed:
-            whole = ran.trajectory.status not in ("timeout", "failed")
-            return replace(outcome, samples=(ran.wall_s,) if whole else ())
-        samples = yield TimeJob(ran.wall_s, options.repeats, cold)
-        if isinstance(samples, Failure):
-            return replace(outcome, repeat_failure=samples)
-        return replace(outcome, samples=samples)
-
-    def _keep(self, state: CaseState, outcome: Outcome, result: ReadingResult) -> None:
-        finished = record(outcome, result.expected)
-        state.keep((result.reading.name, outcome.solver, outcome.setting), finished)
-        self.observer.row(finished)
-
-    def _samples(self, result: ReadingResult) -> Jobs:
-        """Sample the motion by the first sampler that succeeds."""
-        for name in SAMPLERS:
-            found = yield sample_job(result, name, self.options)
-            if found is not None and not isinstance(found, Failure):
-                result.samples, result.sampled_by = found, name
-                return
-            _LOG.info("%s cannot sample %s: %s", name, result.reading.name, found.reason if found else "no samples")
-
-    def _figures(self, result: ReadingResult, job: Job) -> Jobs:
-        drawn: dict[str, bytes] | Failure = yield job
-        if isinstance(drawn, Failure):
-            result.figures_reason = drawn.reason
-        else:
-            result.figures = drawn
-
-    def _deliver(self, state: CaseState) -> None:
-        state.delivered = True
-        self.deliver(Comparison(state.case, list(state.results.values()), state.records(), self.options))
-
-
-def _untried(outcome: Outcome, settings: Iterator[Setting]) -> Iterator[Outcome]:
-    """Outcomes of the settings skipped after a timeout; an ignored deadline counts against each of them."""
-    step, rtol = outcome.setting.step, outcome.setting.rtol
-    at = f"{rtol:g}".replace("e-0", "e-") if step is None else f"a step of {step:g} s"
-    prepared = outcome.compile_s is not None
-    reason = NOT_RUN + (f"timed out at {at}" if prepared else f"at {at} {TOO_LONG_TO_PREPARE}")
-    ignored = outcome.failure is not None and outcome.failure.ignored
-    for setting in settings:
-        yield Outcome(
-            outcome.case, outcome.reading, outcome.solver, setting, outcome.library_version, outcome.landing,
-            failure=Failure("timeout", reason, ignored),
-        )  # fmt: skip
+    observer = observer or ProgressLine(None)
+    pool = WorkerPool(workers=options.processes, memory=options.memory, main=options.of_main, modules=WORKERS_NEED)
+    campaigns = [CaseCampaign(case, options, pool, deliver, draw, observer) for case in cases]
+    observer.stage("truths", sum(own.fetch_truths() for own in campaigns))
+    pool.run(observer.tick)
+    waiting = sum(own.queue_runs() for own in campaigns)
+    kept = sum(len(own.rows) for own in campaigns)
+    observer.stage("rows", waiting + kept, kept)
+    pool.run(observer.tick)
+    for own in campaigns:
+        if not own.delivered:  # all rows came from the journal, and no figure is drawn
+            own.finish()

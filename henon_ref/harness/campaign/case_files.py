@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -32,16 +31,8 @@ def read_cases(
 ) -> list[Case]:
     """Read the case files; a folder means all case files in it, except those in a folder ``truth``.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-    solvers, fixed_step : optional
-        See :func:`henon_ref.casefile.case.load_case`.
-
-    Raises
-    ------
-    CaseError
-        If a file is not a case, a folder contains no case, or two cases have the same name.
+    For ``solvers`` and ``fixed_step`` see :func:`henon_ref.casefile.case.load_case`. CaseError if a file is not a case,
+    a folder contains no case, or two cases have the same name.
     """
     cases: dict[str, Case] = {}
     # Several paths may lead to the same file; it is read once, under its first path.
@@ -58,13 +49,7 @@ def read_cases(
 
 
 def load_cases(paths: Sequence[Path]) -> list[Case]:
-    """Read case files and folders of case files, and check the solvers that they name.
-
-    Raises
-    ------
-    CaseError
-        See :func:`read_cases`.
-    """
+    """Read case files and folders of case files (:func:`read_cases`), and check the solvers that they name."""
     return read_cases(paths, solvers=registry.names(), fixed_step=fixed_step)
 
 
@@ -74,16 +59,9 @@ def fixed_step(name: str) -> bool:
     return _probed(registry.entry_point(name)) if known is None else known
 
 
-@dataclass(frozen=True)
-class LoadJob(Job):
-    """Import a solver and check whether it takes a fixed step."""
-
-    point: tuple[str, str, str]
-    """Name, value and group of the entry point."""
-    seconds: float = LOADING_SECONDS
-
-    def run(self, state: WorkerState) -> bool:
-        return registry.loaded(EntryPoint(*self.point)).fixed_step
+def _load(state: WorkerState, name: str, value: str, group: str) -> bool:
+    """Job: import the solver of an entry point, and check whether it takes a fixed step."""
+    return registry.loaded(EntryPoint(name, value, group)).fixed_step
 
 
 @cache
@@ -92,7 +70,7 @@ def _probed(point: EntryPoint) -> bool:
     found: list[bool | Failure] = []
 
     def loading() -> Jobs:
-        found.append((yield LoadJob((point.name, point.value, point.group), LOADING_SECONDS)))
+        found.append((yield Job(_load, (point.name, point.value, point.group), LOADING_SECONDS)))
 
     pool = WorkerPool(workers=1, memory=Options().memory)
     pool.add(point.name, loading())

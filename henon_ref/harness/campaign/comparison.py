@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
+from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
-from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.harness.result_files import AnyRow
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.gate import Gate, bounds_of, gate
@@ -25,9 +25,6 @@ from henon_ref.trajectory import Samples
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-
-LONGEST_NOTE = 60
-"""Largest length of a note in the printed table [characters]."""
 
 
 @dataclass(eq=False)
@@ -104,7 +101,7 @@ class Comparison:
         runs = f"{len(self.records)} runs, {right} of them right"
         readings = f"{len(self.readings)} reading{'s' * (len(self.readings) != 1)}"
         head = message(f"Comparison of {self.case.name}: {readings}, {runs}")
-        return f"{head}\n{self._table(LONGEST_NOTE).text}" if self.records else head
+        return f"{head}\n{self._table(longest=60).text}" if self.records else head
 
     def _table(self, longest: int | None = None) -> Table:
         """Table with one row per solver, the best first; ``longest`` limits the characters of a note."""

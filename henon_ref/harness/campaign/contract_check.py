@@ -1,5 +1,7 @@
 """Check the result of a solver in the worker; a result that violates the contract becomes a failed row.
 
+What is refused raises a ContractError with the name of the value, the value, and what was wanted.
+
 The checked result consists of built-in types: exact ``str``, ``int``, ``float``, ``tuple`` and ``Transition``. The rest
 of the package relies on these. A solver may return NumPy numbers, or objects of its own classes that change between two
 accesses or after pickling; none of these leaves the worker.
@@ -25,10 +27,7 @@ ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout",
 """Statuses that a run may return."""
 ROUNDINGS = 64
 """Allowed error of a time, and bound on ``time_low``, in roundings of the largest time of the problem."""
-ADDED_UP = 1e-9
-"""Allowed error of a time, relative to the length of the run: a solver may add up its steps."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
-LARGEST_COUNT = 2**63 - 1
 Word = TypeVar("Word", bound=str)
 
 
@@ -37,17 +36,7 @@ class _Wrong(Exception):  # noqa: N818 - converted to a ContractError when the f
 
 
 def check_prepared(run: object, *, landing: object, version: object) -> tuple[str, str]:
-    """Refuse a run that is not callable, and a landing or version that is not a string.
-
-    Returns
-    -------
-    tuple of str
-        Landing and version, each on one line.
-
-    Raises
-    ------
-    ContractError
-    """
+    """Refuse a run that is not callable; return landing and version, which must be strings, each on one line."""
     if not callable(run):
         raise ContractError(f"the solver's prepare() returned {_typed(run)}, wanted a function that runs it")
     words = []
@@ -62,29 +51,24 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
     """Convert the result of a run to a trajectory of built-in types with at most ``most`` transitions.
 
     Samples are dropped: no scored run is asked for samples.
-
-    Raises
-    ------
-    ContractError
-        If the result is not a trajectory that can be scored.
     """
     if not isinstance(returned, Trajectory):
         raise ContractError(f"the solver returned {_typed(returned)}, wanted a Trajectory")
     counts: object = returned.counts
-    convert = _Converter(len(problem.system.states), len(problem.system.surfaces))
+    states, surfaces = len(problem.system.states), len(problem.system.surfaces)
     try:
         if not isinstance(counts, Counts):
             raise _Wrong("counts", counts, "a Counts")
         checked = Trajectory(
             status=_word("status", returned.status, ENDS),
-            transitions=convert.transitions(returned.transitions, most),
+            transitions=_transitions(returned.transitions, problem, most),
             end_time=_time("end_time", returned.end_time),
-            end_state=convert.state("end_state", returned.end_state),
-            end_mode=convert.mode("end_mode", returned.end_mode),
+            end_state=_state("end_state", returned.end_state, states),
+            end_mode=_mode("end_mode", returned.end_mode, surfaces),
             reason=_text("reason", returned.reason),
             counts=Counts(*(_count(f"counts.{what}", getattr(counts, what)) for what in Counts._fields)),
             max_surface_drift=_size("max_surface_drift", returned.max_surface_drift),
-            undecided_after=convert.undecided_after(returned.undecided_after),
+            undecided_after=_undecided_after(returned.undecided_after, surfaces),
         )
         _check_times(checked, problem)
         if checked.status == "ok":
@@ -98,12 +82,7 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
 
 
 def check_repeated(returned: object, problem: Problem, first: Trajectory, *, most: int) -> None:
-    """Refuse the result of a repeated run whose status or sequence of transitions is not that of the first run.
-
-    Raises
-    ------
-    ContractError
-    """
+    """Refuse the result of a repeated run whose status or sequence of transitions is not that of the first run."""
     again = check_trajectory(returned, problem, most=most)
     if again.status != first.status:
         raise ContractError(f"the status of a repeated run is {again.status}, that of the first run {first.status}")
@@ -118,12 +97,7 @@ def _change(event: Transition) -> tuple[str, int, Mode, Mode]:
 
 
 def check_wall_times(what: str, value: object, count: int) -> tuple[float, ...]:
-    """Convert so many wall times that a run has measured itself to positive numbers [s].
-
-    Raises
-    ------
-    ContractError
-    """
+    """Convert so many wall times that a run has measured itself to positive numbers [s]."""
     try:
         entries = _entries(what, value, count, "")
     except _Wrong:
@@ -132,12 +106,7 @@ def check_wall_times(what: str, value: object, count: int) -> tuple[float, ...]:
 
 
 def check_wall_time(what: str, value: object) -> float:
-    """Convert a wall time that a run has measured itself to a positive number [s].
-
-    Raises
-    ------
-    ContractError
-    """
+    """Convert a wall time that a run has measured itself to a positive number [s]."""
     try:
         time = _number(what, value)
         if not 0 < time < math.inf:
@@ -151,7 +120,7 @@ def _check_times(run: Trajectory, problem: Problem) -> None:
     """Refuse times outside the interval of the problem, times out of order, and ``time_low`` above a rounding error."""
     start, until = float(problem.start), float(problem.until)
     rounding = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
-    slack = max(rounding, ADDED_UP * (until - start))
+    slack = max(rounding, 1e-9 * (until - start))  # a solver may add up its steps
     between = f"a time from {start:.17g} to {until:.17g}"
     latest = start
     for k, event in enumerate(run.transitions):
@@ -175,68 +144,66 @@ def _check_finite(run: Trajectory) -> None:
             raise _Wrong(what, state, "finite numbers if the status is ok")
 
 
-class _Converter:
-    """Conversion of values to built-in types, for a system with given numbers of states and surfaces."""
-
-    def __init__(self, states: int, surfaces: int) -> None:
-        self.states, self.surfaces = states, surfaces
-        self._of_mode = f"{surfaces} entries, each -1, 0 or +1"
-        self._of_state = f"{states} numbers"
-
-    def transitions(self, found: object, most: int) -> tuple[Transition, ...]:
-        if not isinstance(found, Sequence):
-            raise _Wrong("transitions", found, "a sequence of Transition")
-        events = tuple(islice(found, most + 1))
-        if len(events) > most:
-            raise ContractError(
-                f"the solver returned more than {most} transitions, the most that are scored on this reading"
-            )
-        converted = []
-        for k, event in enumerate(events):
-            try:
-                converted.append(self.transition(event))
-            except _Wrong as error:  # format the index only in the rare case of an error
-                what, value, wanted = error.args
-                raise _Wrong(f"transitions[{k}]{what and '.'}{what}", value, wanted) from None
-        return tuple(converted)
-
-    def transition(self, event: object) -> Transition:
-        if not isinstance(event, Transition):
-            raise _Wrong("", event, "a Transition")
-        kind = _word("kind", event.kind, KINDS)
-        surface = _whole("surface", event.surface)
-        if not 0 <= surface < self.surfaces:
-            raise _Wrong("surface", surface, f"the index of one of {self.surfaces} surfaces")
-        return Transition(
-            kind=kind,
-            surface=surface,
-            from_mode=self.mode("from_mode", event.from_mode),
-            to_mode=self.mode("to_mode", event.to_mode),
-            time=_time("time", event.time),
-            state=self.state("state", event.state),
-            time_low=_time("time_low", event.time_low),
-            landing=_text("landing", event.landing),
+def _transitions(found: object, problem: Problem, most: int) -> tuple[Transition, ...]:
+    if not isinstance(found, Sequence):
+        raise _Wrong("transitions", found, "a sequence of Transition")
+    events = tuple(islice(found, most + 1))
+    if len(events) > most:
+        raise ContractError(
+            f"the solver returned more than {most} transitions, the most that are scored on this reading"
         )
+    states, surfaces = len(problem.system.states), len(problem.system.surfaces)
+    converted = []
+    for k, event in enumerate(events):
+        try:
+            converted.append(_transition(event, states, surfaces))
+        except _Wrong as error:  # format the index only in the rare case of an error
+            what, value, wanted = error.args
+            raise _Wrong(f"transitions[{k}]{what and '.'}{what}", value, wanted) from None
+    return tuple(converted)
 
-    def mode(self, what: str, value: object) -> Mode:
-        mode = tuple([_whole(what, entry) for entry in _entries(what, value, self.surfaces, self._of_mode)])
-        if not all(-1 <= entry <= 1 for entry in mode):
-            raise _Wrong(what, value, self._of_mode)
-        return mode
 
-    def state(self, what: str, value: object) -> tuple[float, ...]:
-        return tuple([_number(what, entry) for entry in _entries(what, value, self.states, self._of_state)])
+def _transition(event: object, states: int, surfaces: int) -> Transition:
+    if not isinstance(event, Transition):
+        raise _Wrong("", event, "a Transition")
+    kind = _word("kind", event.kind, KINDS)
+    surface = _whole("surface", event.surface)
+    if not 0 <= surface < surfaces:
+        raise _Wrong("surface", surface, f"the index of one of {surfaces} surfaces")
+    return Transition(
+        kind=kind,
+        surface=surface,
+        from_mode=_mode("from_mode", event.from_mode, surfaces),
+        to_mode=_mode("to_mode", event.to_mode, surfaces),
+        time=_time("time", event.time),
+        state=_state("state", event.state, states),
+        time_low=_time("time_low", event.time_low),
+        landing=_text("landing", event.landing),
+    )
 
-    def undecided_after(self, value: object) -> tuple[tuple[int, float], ...]:
-        most = 2 * self.surfaces + 64
-        what, wanted = "undecided_after", f"pairs of a surface, or -1, and a time, at most {most}"
-        if not isinstance(value, Sequence) or isinstance(value, str) or len(value) > most:
-            raise _Wrong(what, value, wanted)
-        pairs = [_entries(what, entry, 2, wanted) for entry in value]
-        found = tuple((_whole(what, surface), _time(what, time)) for surface, time in pairs)
-        if not all(-1 <= surface < self.surfaces for surface, _ in found):
-            raise _Wrong(what, value, wanted)
-        return found
+
+def _mode(what: str, value: object, surfaces: int) -> Mode:
+    wanted = f"{surfaces} entries, each -1, 0 or +1"
+    mode = tuple([_whole(what, entry) for entry in _entries(what, value, surfaces, wanted)])
+    if not all(-1 <= entry <= 1 for entry in mode):
+        raise _Wrong(what, value, wanted)
+    return mode
+
+
+def _state(what: str, value: object, states: int) -> tuple[float, ...]:
+    return tuple([_number(what, entry) for entry in _entries(what, value, states, f"{states} numbers")])
+
+
+def _undecided_after(value: object, surfaces: int) -> tuple[tuple[int, float], ...]:
+    most = 2 * surfaces + 64
+    what, wanted = "undecided_after", f"pairs of a surface, or -1, and a time, at most {most}"
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) > most:
+        raise _Wrong(what, value, wanted)
+    pairs = [_entries(what, entry, 2, wanted) for entry in value]
+    found = tuple((_whole(what, surface), _time(what, time)) for surface, time in pairs)
+    if not all(-1 <= surface < surfaces for surface, _ in found):
+        raise _Wrong(what, value, wanted)
+    return found
 
 
 def _entries(what: str, value: object, count: int, wanted: str) -> tuple[object, ...]:
@@ -251,7 +218,7 @@ def _entries(what: str, value: object, count: int, wanted: str) -> tuple[object,
 def _count(what: str, value: object) -> int:
     """Convert a count to a nonnegative integer of 64 bits."""
     count = _whole(what, value)
-    if not 0 <= count <= LARGEST_COUNT:
+    if not 0 <= count < 2**63:
         raise _Wrong(what, count, "a whole number from 0 to 2**63 - 1")
     return count
 

@@ -13,7 +13,7 @@ import logging
 import os
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from functools import cache
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -46,17 +46,6 @@ _PARTS = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples
 """Names and types of the parts of a line."""
 
 
-@dataclass(frozen=True)
-class _Kept:
-    """Contents of a journal."""
-
-    rows: dict[str, Record] = field(default_factory=dict)
-    lines: list[bytes] = field(default_factory=list)
-    """Lines of the rows."""
-    damaged: list[tuple[int, bytes, str]] = field(default_factory=list)
-    """Line number, line, and reason, of every damaged line."""
-
-
 class Journal:
     """Journal of the finished rows of one case.
 
@@ -70,11 +59,12 @@ class Journal:
 
     def __init__(self, folder: Path, *, resume: bool) -> None:
         self.path = folder / FILE
-        kept = _kept(self.path) if resume else _Kept()
-        self._rows = kept.rows
+        self._rows: dict[str, Record] = {}
         self._started = resume
-        if kept.damaged:
-            _set_aside(self.path, kept)
+        if resume:
+            self._rows, intact, damaged = _kept(self.path)
+            if damaged:
+                _set_aside(self.path, intact, damaged)
 
     def get(self, key: str) -> Record | None:
         return self._rows.get(key)
@@ -104,21 +94,27 @@ def line_of(key: str, record: Record) -> bytes:
 
 def read(path: Path) -> dict[str, Record]:
     """Read the finished rows of a journal, by key; empty if the file does not exist."""
-    return _kept(path).rows
+    return _kept(path)[0]
 
 
-def _kept(path: Path) -> _Kept:
-    kept = _Kept()
-    lines = path.read_bytes().splitlines(keepends=True) if path.exists() else []
-    for number, line in enumerate(lines, 1):
+Damaged = list[tuple[int, bytes, str]]
+"""Number, content and fault of every damaged line."""
+
+
+def _kept(path: Path) -> tuple[dict[str, Record], list[bytes], Damaged]:
+    """Return the rows of a journal by key, their lines, and the damaged lines."""
+    rows: dict[str, Record] = {}
+    intact: list[bytes] = []
+    damaged: Damaged = []
+    for number, line in enumerate(path.read_bytes().splitlines(keepends=True) if path.exists() else (), 1):
         try:
             key, record = _row(line, case=path.parent.name)
         except ValueError as error:
-            kept.damaged.append((number, line, str(error)))
+            damaged.append((number, line, str(error)))
         else:
-            kept.rows[key] = record
-            kept.lines.append(line)
-    return kept
+            rows[key] = record
+            intact.append(line)
+    return rows, intact, damaged
 
 
 def _row(line: bytes, *, case: str) -> tuple[str, Record]:
@@ -143,13 +139,13 @@ def _row(line: bytes, *, case: str) -> tuple[str, Record]:
     return content["key"], Record(run, transitions, sticks, content["samples"])
 
 
-def _set_aside(path: Path, kept: _Kept) -> None:
+def _set_aside(path: Path, intact: list[bytes], damaged: Damaged) -> None:
     aside = path.with_name(SET_ASIDE)
     with aside.open("ab") as file:
-        file.writelines(line.rstrip(b"\r\n") + b"\n" for _, line, _ in kept.damaged)
-    replace_file(path, b"".join(kept.lines))
-    number, _, reason = kept.damaged[0]
-    others = f" and {len(kept.damaged) - 1} more" if len(kept.damaged) > 1 else ""
+        file.writelines(line.rstrip(b"\r\n") + b"\n" for _, line, _ in damaged)
+    replace_file(path, b"".join(intact))
+    number, _, reason = damaged[0]
+    others = f" and {len(damaged) - 1} more" if len(damaged) > 1 else ""
     _LOG.warning("%s: line %d is damaged (%s)%s; set aside in %s, run again", path, number, reason, others, aside)
 
 

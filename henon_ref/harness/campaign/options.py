@@ -1,4 +1,4 @@
-"""Options of a campaign, and the settings of each solver: tolerances or steps."""
+"""Options of a campaign, the solvers that they choose, and the settings of each solver: tolerances or steps."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from henon_ref.casefile.case import Case, Reading
 from henon_ref.errors import CaseError
+from henon_ref.harness import registry
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.reference import Expected
 from henon_ref.modes.problem import Problem
@@ -16,8 +18,6 @@ from henon_ref.solver import Solver, fault
 
 SHORTEST, LONGEST = 0.01, 1e6
 """Smallest and largest time limit of a run [s]."""
-MAIN = b"__main__"
-"""Name of the main module in a pickle."""
 MOST_DRAWN = 6
 """Largest number of readings of a case with figures; the figures of a large family would look alike."""
 
@@ -29,7 +29,7 @@ class Options:
     Raises
     ------
     CaseError
-        If a value is not allowed. :mod:`henon_ref.harness.campaign.plan` checks later whether the solvers exist.
+        If a value is not allowed. :func:`check_solvers` checks later whether the solvers exist.
     """
 
     solvers: tuple[str | Solver, ...] | None = None
@@ -78,7 +78,7 @@ class Options:
     @property
     def of_main(self) -> bool:
         """Whether a solver is an object of the main module, for example defined in the caller's script."""
-        return any(not isinstance(solver, str) and MAIN in _pickled(solver) for solver in self.solvers or ())
+        return any(not isinstance(solver, str) and b"__main__" in _pickled(solver) for solver in self.solvers or ())
 
 
 def _pickled(value: object) -> bytes:
@@ -97,6 +97,51 @@ def shown(value: object) -> str:
     """Format a value in at most 60 characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def check_solvers(cases: Sequence[Case], options: Options) -> None:
+    """Raise CaseError for an unknown solver, and a case to which none of the requested solvers applies."""
+    for entry in options.solvers or ():
+        if isinstance(entry, str) and entry != registry.ALL:
+            registry.check(entry)
+    for case in cases:
+        if not any(chosen_solvers(reading, options) for reading in case.readings):
+            listed = sorted({name for reading in case.readings for name in reading.solvers or ()})
+            raise CaseError(
+                f"none of the requested solvers is among those of the case '{case.name}': {', '.join(listed)}",
+                file=str(case.path) if case.path else None,
+            )
+
+
+def check_required(cases: Sequence[Case], options: Options) -> None:
+    """Raise CaseError for a required solver that does not run."""
+    run = {name for case in cases for reading in case.readings for name in chosen_solvers(reading, options)}
+    for name in options.required:
+        if registry.check(name) not in run:
+            raise CaseError(
+                f"--require names '{name}', which is not among the solvers that run: {', '.join(sorted(run))}"
+            )
+
+
+def chosen_solvers(reading: Reading, options: Options) -> dict[str, str | Solver]:
+    """Map names to solvers for all solvers that run on a reading, in the order of the registry.
+
+    ``all`` stands for the solvers that the reading lists. If it lists none, ``all`` stands for the default solvers and
+    the installed peers.
+    """
+    if options.solvers is None:
+        listed = reading.solvers or registry.default_names()
+        return {name: name for name in registry.names() if name in listed}
+    chosen: dict[str, str | Solver] = {}
+    for entry in options.solvers:
+        if not isinstance(entry, str):
+            chosen[entry.name] = entry
+        elif entry == registry.ALL:
+            every = reading.solvers or registry.expanded((registry.ALL,))
+            chosen.update((name, name) for name in every)
+        elif reading.solvers is None or registry.base_name(entry) in reading.solvers:
+            chosen[entry] = entry
+    return chosen
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,8 @@
-"""Progress of a campaign: the observer interface, and a status line in a terminal or a notebook."""
+"""Progress of a campaign: a status line in a terminal or a notebook."""
 
 from __future__ import annotations
 
 import math
-import sys
 import time
 from contextlib import AbstractContextManager
 from typing import TextIO
@@ -23,45 +22,26 @@ TRUTH = "truth"
 """Word that follows the name of a reading whose truth is being computed."""
 
 
-class Observer:
-    """Receiver of the events of a campaign; this base class ignores them."""
-
-    def stage(self, what: str, total: int, done: int = 0) -> None:
-        """Start a stage of ``total`` truths or rows, ``done`` of which are already finished."""
-
-    def begun(self, case: str, what: str) -> None:
-        """Note the start of a run of a case, or of the computation of a truth."""
-
-    def truth(self, name: str) -> None:
-        """Note that the truth of a reading is available, or has failed."""
-
-    def row(self, finished: Record) -> None:
-        """Note a finished row."""
-
-    def tick(self) -> None:
-        """Update the display; called at short intervals."""
-
-
-class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
+class ProgressLine(AbstractContextManager["ProgressLine"]):
     """Status line with the number of finished rows and the current runs.
 
     It starts no thread, so that workers can be forked.
 
     Parameters
     ----------
-    stream : TextIO, optional
-        None: standard error.
+    stream : TextIO or None
+        None: nothing is shown.
     name : str, optional
         Name of the case, if a comparison is called from Python. The final line then remains, and a stream that cannot
         overwrite a line receives a new line every few seconds. Without a name (in a command) the line is erased at the
         end, and a stream that cannot overwrite a line receives one line per finished row.
     """
 
-    def __init__(self, stream: TextIO | None = None, name: str | None = None) -> None:
-        self._stream = stream or sys.stderr
+    def __init__(self, stream: TextIO | None, name: str | None = None) -> None:
+        self._stream = stream
         self._name = name
-        self._line = Line(self._stream)
-        self.seen = is_seen(self._stream)
+        self._line = Line(stream)
+        self.seen = is_seen(stream)
         """Whether the line can be overwritten."""
         self._what, self._done, self._total = "truths", 0, 0
         self._at_work: dict[str, float] = {}
@@ -78,18 +58,22 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
             self._print(words)
 
     def stage(self, what: str, total: int, done: int = 0) -> None:
+        """Start a stage of ``total`` truths or rows, ``done`` of which are already finished."""
         self._at_work.clear()
         self._what, self._total, self._done = what, total, done
 
     def begun(self, case: str, what: str) -> None:
+        """Note the start of a run of a case, or of the computation of a truth."""
         self._at_work[f"{case} {what}"] = time.monotonic()
         self.tick()
 
     def truth(self, name: str) -> None:
+        """Note that the truth of a reading is available, or has failed."""
         self._at_work.pop(f"{name} {TRUTH}", None)
         self._done += 1
 
     def row(self, finished: Record) -> None:
+        """Note a finished row."""
         run = finished.run
         what = f"{run.case} {run.reading} {run.solver} {Setting.of(run).label}"
         self._at_work.pop(what, None)
@@ -100,7 +84,10 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
             self._print(f"{self._done} of {self._total}: {what}: {run.verdict or run.status}{found}")
 
     def tick(self) -> None:
-        """Update the line if it is due; without a line, report once that a truth takes long to compute."""
+        """Update the line if it is due; called at short intervals.
+
+        Without a line, report once that a truth takes long to compute.
+        """
         now = time.monotonic()
         late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
         if late and not self._wait_is_reported:
@@ -118,7 +105,8 @@ class ProgressLine(Observer, AbstractContextManager["ProgressLine"]):
         return f"{name}{self._done} of {self._total} {self._what}"
 
     def _print(self, words: str) -> None:
-        print(message(words), file=self._stream, flush=True)
+        if self._stream is not None:
+            print(message(words), file=self._stream, flush=True)
 
 
 def is_seen(stream: TextIO | None) -> bool:

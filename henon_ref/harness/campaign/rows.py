@@ -56,9 +56,8 @@ class Outcome:
     @property
     def identity(self) -> Values:
         """Fields common to all rows of the run."""
-        rtol, step = self.setting.rtol, self.setting.step
         run = {"case": self.case, "reading": self.reading.name, "solver": self.solver}
-        return {**run, "rtol": rtol, "step_s": step}
+        return run | {"rtol": self.setting.rtol, "step_s": self.setting.step}
 
 
 @dataclass(frozen=True)

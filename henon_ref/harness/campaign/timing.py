@@ -21,8 +21,6 @@ FEWEST = 3
 """Smallest number of samples of a repeated run; fewer have no interquartile range."""
 SLOW = 3.0
 """A run is not repeated if ``FEWEST`` samples would take longer than this multiple of the budget."""
-RESAMPLES = 1000
-"""Bootstrap resamples of an interval."""
 UNSTABLE = 0.1
 """Ratio of interquartile range to median above which a sample is called unstable."""
 MOST = 20
@@ -118,7 +116,7 @@ def median_interval(samples: Sequence[float], *, seed: int = 0) -> tuple[float, 
         Seed of the resampling.
     """
     values = np.asarray(samples, dtype=float)
-    draws = np.random.default_rng(seed).integers(0, values.size, size=(RESAMPLES, values.size))
+    draws = np.random.default_rng(seed).integers(0, values.size, size=(1000, values.size))
     medians = np.median(values[draws], axis=1)
     low, high = np.quantile(medians, [0.025, 0.975])
     return float(low), float(high)

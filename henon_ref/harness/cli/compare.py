@@ -10,12 +10,12 @@ import gc
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import typer
 
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
+from henon_ref.commands.exit_status import DONE, exit_status, parsed, writing_into
 from henon_ref.commands.typer_app import FLAG, Cases, application, examples, path_of
 from henon_ref.text import listed
 
@@ -34,18 +34,6 @@ EXAMPLES = (
 )
 
 app = application()
-
-
-class Request(NamedTuple):
-    """Parsed arguments of the command."""
-
-    cases: Sequence[Path]
-    options: Mapping[str, Any]
-    """Argument ``options`` of :func:`henon_ref.harness.cli.compare_cases.run`."""
-    shown: Mapping[str, bool]
-    """Other keyword arguments of that function."""
-    check: bool
-    """Whether to read and explain the case files only."""
 
 
 def _tolerance(text: str) -> float:
@@ -75,6 +63,7 @@ def _flag(name: str, panel: str | None, words: str) -> Any:
 
 @app.command(help=HELP, epilog=examples(*EXAMPLES))
 def main(
+    context: typer.Context,
     cases: Cases,
     out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=path_of, metavar="FOLDER")] = Path("out"),
     solvers: Annotated[
@@ -141,7 +130,7 @@ def main(
             metavar="NAMES",
         ),
     ] = None,
-) -> Request:
+) -> int:
     options = {
         "solvers": names(solvers, "--solvers"),
         "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances, "--tolerances") or ())),
@@ -152,21 +141,33 @@ def main(
         "resume": resume,
         "required": names(require, "--require") or (),
     }
-    return Request(cases, options, {"gated": gate, "figures": figures, "as_json": json}, check)
+    shown = {"gated": gate, "figures": figures, "as_json": json}
+    return _run(cases, options, shown, check=check, served=bool(context.obj))
 
 
-def command(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status; an error is reported in one message on standard error."""
-    return exit_status(lambda: _act(arguments, served=False), name="compare", arguments=arguments, kept=KEPT)
+def _run(
+    cases: Sequence[Path], options: Mapping[str, Any], shown: Mapping[str, bool], *, check: bool, served: bool
+) -> int:
+    """Explain or compare cases; with ``served``, workers are forked from a server."""
+    try:
+        # Shown before the slow imports.
+        status_line.show(f"reading {listed([str(path) for path in cases], 4)}")
+        from henon_ref.workers.worker import collect_seldom
 
+        collect_seldom()
+        if check:
+            from henon_ref.harness.cli.explain_cases import explain
 
-def program(arguments: Sequence[str] | None = None) -> int:
-    """Run the command as a separate process and return its exit status."""
-    for name in ONE_THREAD:  # read when numpy is imported, which has not happened yet
-        os.environ.setdefault(name, "1")
-    status = exit_status(lambda: _act(arguments, served=True), name="compare", arguments=arguments, kept=KEPT)
-    gc.freeze()  # skips the garbage collection at exit, which takes a tenth of the time of a short comparison
-    return status
+            explain(cases)
+            return DONE
+        if served:
+            _begin_server(figures=shown["figures"])
+        from henon_ref.harness.cli.compare_cases import run
+
+        with writing_into(options["folder"], kept=KEPT):
+            return run(cases, options, **shown)
+    finally:
+        status_line.clear()
 
 
 def _begin_server(*, figures: bool) -> None:
@@ -179,35 +180,16 @@ def _begin_server(*, figures: bool) -> None:
     begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
 
 
-def _act(arguments: Sequence[str] | None, *, served: bool) -> int:
-    # The work is done outside of typer, which would handle an interrupt itself.
-    request = parsed(app, arguments, name="compare")
-    if isinstance(request, int):
-        return request
-    try:
-        # Shown before the slow imports.
-        status_line.show(f"reading {listed([str(path) for path in request.cases], 4)}")
-        from henon_ref.workers.worker import collect_seldom
-
-        collect_seldom()
-        if request.check:
-            from henon_ref.harness.cli.explain_cases import explain
-
-            explain(request.cases)
-            return DONE
-        if served:
-            _begin_server(figures=request.shown["figures"])
-        with writing_into(request.options["folder"], kept=KEPT):
-            return _run(request)
-    finally:
-        status_line.clear()
+def command(arguments: Sequence[str] | None = None, *, served: bool = False) -> int:
+    """Run the command and return its exit status; an error is reported in one message on standard error."""
+    act = lambda: int(parsed(app, arguments, name="compare", obj=served))  # noqa: E731
+    return exit_status(act, name="compare", arguments=arguments, kept=KEPT)
 
 
-def _run(request: Request) -> int:
-    from henon_ref.harness.cli.compare_cases import run
-
-    unmet = run(request.cases, request.options, **request.shown)
-    for what, failures in unmet._asdict().items():
-        for words in failures:
-            say(f"{what}: {words}")
-    return NOT_MET if unmet.required or (request.shown["gated"] and unmet.gate) else DONE
+def program(arguments: Sequence[str] | None = None) -> int:
+    """Run the command as a separate process and return its exit status."""
+    for name in ONE_THREAD:  # read when numpy is imported, which has not happened yet
+        os.environ.setdefault(name, "1")
+    status = command(arguments, served=True)
+    gc.freeze()  # skips the garbage collection at exit, which takes a tenth of the time of a short comparison
+    return status

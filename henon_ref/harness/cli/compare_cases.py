@@ -7,28 +7,28 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from henon_ref.casefile.case import Case
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import say
+from henon_ref.commands.exit_status import DONE, NOT_MET, say
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.journal import FILE, read
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.plan import check_required, check_solvers
+from henon_ref.harness.campaign.options import Options, check_required, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.rendering import environment
-from henon_ref.harness.report.svg import KINDS, FigureJob, file_name
+from henon_ref.harness.report.svg import KINDS, figure_job, file_name
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import bounds_of, demand, gate
@@ -38,21 +38,10 @@ from henon_ref.text import listed, message
 
 MOST_FAILING = 24
 """Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
-MOST_PLACES = 3
-"""Largest number of readings named in one such line."""
 NOTE = (
     "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, median "
     "time, and geometric mean of its time relative to the fastest solver (times as long)."
 )
-
-
-class Unmet(NamedTuple):
-    """Sentences on unmet requirements, which may affect the exit status."""
-
-    gate: list[str]
-    """Violated bounds of the gate; with ``--gate`` also the fact that no bound was checked."""
-    required: list[str]
-    """Readings in which a required solver is wrong, and required solvers that were not judged in any reading."""
 
 
 def run(
@@ -62,10 +51,12 @@ def run(
     gated: bool = False,
     figures: bool = True,
     as_json: bool = False,
-) -> Unmet:
-    """Compare cases and write reports; ``options`` are arguments of :class:`Options`, with the folder of the reports.
+) -> int:
+    """Compare cases and write reports; return the exit status.
 
-    With ``gated`` the gate decides the exit status. With ``as_json`` the table is printed as a JSON document, and
+    ``options`` are arguments of :class:`Options`, with the folder of the reports. The exit status is 1 if a required
+    solver is wrong or was not judged in any reading. With ``gated``, it is also 1 if a bound of the gate is violated,
+    or if no bound was checked. With ``as_json`` the table is printed as a JSON document, and
     nothing else is printed on standard output.
 
     Raises
@@ -91,7 +82,7 @@ def run(
 
 def _compared(
     cases: Sequence[Case], options: Options, out: Path, rerun: str, *, gated: bool, figures: bool, as_json: bool
-) -> Unmet:
+) -> int:
     """Run the campaign and write its reports; the caller has locked the folders of the cases."""
     written: list[Path] = []
     failures: list[str] = []
@@ -108,8 +99,8 @@ def _compared(
             print(case_line(name, own, written[-1]), flush=True)
 
     status_line.clear()
-    with ProgressLine() as shown:
-        compare_all(cases, options, deliver, draw=FigureJob if figures else None, observer=shown)
+    with ProgressLine(sys.stderr) as shown:
+        compare_all(cases, options, deliver, draw=figure_job if figures else None, observer=shown)
     with locked([out], wait=True):
         index = write_folder_report(out)
     discard(out, cases)
@@ -126,7 +117,10 @@ def _compared(
         failures.append(why_unchecked(found))
     if gated and found.left_out:
         say(f"gate: {bounds_left_out(found)}")
-    return Unmet(failures, [words for solver, own in demands.items() for words in own.unmet(solver)])
+    required = [words for solver, own in demands.items() for words in own.unmet(solver)]
+    for words in [*(f"gate: {words}" for words in failures), *(f"required: {words}" for words in required)]:
+        say(words)
+    return NOT_MET if required or (gated and failures) else DONE
 
 
 def discard(folder: Path, cases: Sequence[Case]) -> None:
@@ -209,4 +203,4 @@ def failing(rows: Sequence[RunRow]) -> list[Failing]:
 
 def failing_line(found: Failing) -> str:
     reason = f" ({found.reason.rstrip('.')})" if found.reason else ""
-    return message(f"{found.solver}: {found.status}{reason}: {listed(found.where, MOST_PLACES)}")
+    return message(f"{found.solver}: {found.status}{reason}: {listed(found.where, 3)}")

@@ -41,16 +41,10 @@ command = command_of(app, "explain")
 
 
 def explain(paths: Sequence[Path]) -> None:
-    """Print the explanation of case files.
-
-    Raises
-    ------
-    CaseError
-        If a file is invalid; nothing is printed then.
-    """
+    """Print the explanation of case files; CaseError if a file is invalid, and nothing is printed then."""
     for case in load_cases(paths):
         for line in explanation(case):
-            print(_indented(line))
+            print(line[: len(line) - len(line.lstrip(" "))] + message(line))  # a clean line with its indent
 
 
 def explanation(case: Case) -> Iterator[str]:
@@ -146,8 +140,3 @@ def _same(one: FilippovSystem, other: FilippovSystem) -> bool:
 
 def _text(expression: sp.Expr) -> str:
     return str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else f"({TOO_LONG})"
-
-
-def _indented(line: str) -> str:
-    """Clean a line for the terminal, and keep its indent."""
-    return line[: len(line) - len(line.lstrip(" "))] + message(line)

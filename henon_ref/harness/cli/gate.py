@@ -177,13 +177,7 @@ class Held:
 
 
 def runs_in(path: Path) -> dict[Path, list[RunRow]]:
-    """Read the rows of a ``runs.csv``, or of all reports in a folder; return them by file.
-
-    Raises
-    ------
-    CaseError
-        If there is no such file, or a file is invalid.
-    """
+    """Read the rows of a ``runs.csv``, or of all reports in a folder, by file; CaseError if there is none."""
     files = [path] if path.is_file() else [path / RUNS] if (path / RUNS).is_file() else sorted(path.glob(f"*/{RUNS}"))
     if not files:
         what = "the folder has no report" if path.is_dir() else "there is no such file"
@@ -199,13 +193,7 @@ def runs_in(path: Path) -> dict[Path, list[RunRow]]:
 
 
 def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
-    """Read the rows of a file.
-
-    Raises
-    ------
-    CaseError
-        If the file cannot be read, or is invalid; the error has line and column.
-    """
+    """Read the rows of a file; CaseError with line and column if it cannot be read, or is invalid."""
     try:
         return read_rows(kind, path)
     except TableError as error:
@@ -217,13 +205,7 @@ def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
 
 
 def read_known(path: Path) -> list[KnownFailure]:
-    """Read a file of expected failures, one per line; an empty field matches any value.
-
-    Raises
-    ------
-    CaseError
-        If the file is invalid; the error has line and column.
-    """
+    """Read a file of expected failures, one per line; an empty field matches any value."""
     header: list[str] = []
     with suppress(OSError, UnicodeDecodeError, csv.Error), path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])  # if it cannot be read, rows_of says why

@@ -23,8 +23,6 @@ from henon_ref.text import message, shortened
 
 app = application()
 
-TEMPLATES = "new_solver_template"
-"""Folder of the templates, next to this file."""
 NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
 LONGEST = 40
 """Largest length of a name [characters]."""
@@ -63,23 +61,14 @@ def main(
 command = command_of(app, "new-solver")
 
 
-def module_of(name: str) -> str:
-    return name.replace("-", "_")
-
-
 def check_name(name: str) -> None:
-    """Refuse a name that is invalid, or already taken by a solver or a module.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Raise CaseError for a name that is invalid, or already taken by a solver or a module."""
     if not NAME.fullmatch(name) or len(name) > LONGEST:
         raise CaseError(
             f"NAME is {shortened(name)}; a name has lowercase letters and digits, begins with a letter, may contain "
             f"single - or _ inside, and has at most {LONGEST} characters, for example my-rk"
         )
-    module = module_of(name)
+    module = name.replace("-", "_")
     if name in registry.names():
         raise CaseError(f"a solver named '{name}' is installed; choose another name")
     if iskeyword(module) or module in sys.stdlib_module_names:
@@ -89,13 +78,7 @@ def check_name(name: str) -> None:
 
 
 def command_words(command: str) -> tuple[str, ...]:
-    """Split a command line into words, and make the paths of existing files absolute.
-
-    Raises
-    ------
-    CaseError
-        If the command line is empty, or a quotation mark is not closed.
-    """
+    """Split a command line into words, and make the paths of existing files absolute."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -111,9 +94,11 @@ def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
     The module is in ``src``, because Python would import the folder of the package instead of a module of the same
     name next to it.
     """
-    module = module_of(name)
+    module = name.replace("-", "_")
     environment = Environment(
-        loader=PackageLoader("henon_ref.harness.cli", TEMPLATES), undefined=StrictUndefined, keep_trailing_newline=True
+        loader=PackageLoader("henon_ref.harness.cli", "new_solver_template"),
+        undefined=StrictUndefined,
+        keep_trailing_newline=True,
     )
     files = {
         "pyproject.toml": "pyproject.toml",
@@ -128,13 +113,7 @@ def package_files(name: str, words: tuple[str, ...] = ()) -> dict[str, str]:
 
 
 def write_package(name: str, folder: Path, words: tuple[str, ...] = ()) -> None:
-    """Write the package completely, or not at all.
-
-    Raises
-    ------
-    CaseError
-        If the folder exists already, or cannot be written.
-    """
+    """Write the package completely, or not at all; CaseError if the folder exists, or cannot be written."""
     if os.path.lexists(folder):
         raise CaseError(f"{folder} exists already; remove it, or choose another folder with --out")
     try:

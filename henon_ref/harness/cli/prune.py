@@ -35,17 +35,11 @@ from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.svg import shortened
 from henon_ref.harness.studies.study import STUDIES
 
-PAGE_ROWS = tuple(f"{study.folder}/{name}" for study in STUDIES.values() for name in study.every_run)
-"""Files with every run of a study."""
-
 
 def prune(folder: Path, kept: Sequence[str]) -> int:
     """Remove all files that index and pages do not require, except the reports of some cases; return the bytes left.
 
-    Raises
-    ------
-    CaseError
-        If another program wrote README.md or the matrix; nothing is removed then.
+    CaseError if another program wrote README.md or the matrix; nothing is removed then.
     """
     check_index(folder)
     with locked([folder], wait=True):
@@ -55,9 +49,9 @@ def prune(folder: Path, kept: Sequence[str]) -> int:
             for name in own & set(ROWS) if report.name in kept else own:
                 (report / name).unlink()
             remove_if_empty(report)
-        for rows in (folder / name for name in PAGE_ROWS):
-            if is_study(rows.parent):
-                rows.unlink(missing_ok=True)
+        for study in STUDIES.values():
+            for name in study.every_run if is_study(folder / study.folder) else ():
+                (folder / study.folder / name).unlink(missing_ok=True)
         for page in folder.glob("*/*.md"):
             if page.name in own_files(page.parent) or (page.name == INDEX and is_study(page.parent)):
                 text = page.read_text(encoding="utf-8")

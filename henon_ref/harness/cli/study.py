@@ -91,7 +91,8 @@ def main(
     words = ["henon-ref study", study, *map(str, cases or ()), *([f"--solvers {solvers}"] if solvers else [])]
     words += [*(["--rows FOLDER"] if rows else []), *([f"--timeout {timeout:g}"] if timeout else [])]
     origin = provenance(" ".join(words))
-    with writing_into(folder, kept=KEPT if "resume" in own.takes else ""), locked([folder]), ProgressLine() as shown:
+    kept = KEPT if "resume" in own.takes else ""
+    with writing_into(folder, kept=kept), locked([folder]), ProgressLine(sys.stderr) as shown:
         made = own.make(StudyRequest(loaded, options, origin, folder, shown, status_line.show, rows))
         discard(folder, loaded)
     status_line.clear()

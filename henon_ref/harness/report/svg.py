@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from henon_ref.figures.motion import Motion, draw_portrait, motion_of
 from henon_ref.figures.scene import draw_scene
@@ -24,29 +23,23 @@ KINDS = ("scene", "portrait", "modes", "errors", "cost")
 """Kinds of figures of a reading, which are part of their file names."""
 
 
-@dataclass(frozen=True)
-class FigureJob(Job):
-    """Draw the figures of one reading; the result maps file names to contents."""
+def figure_job(result: ReadingResult, records: list[Record]) -> Job:
+    """Return the job that draws the figures of one reading."""
+    return Job(draw_figures, (result, records), 120.0)
 
-    result: ReadingResult
-    records: list[Record]
-    seconds: ClassVar[float] = 120.0
 
-    @property
-    def reading(self) -> str:
-        return self.result.reading.name
-
-    def run(self, state: WorkerState) -> dict[str, bytes]:
-        reading, expected, motion = self.result.reading, self.result.expected, motion_in(self.result)
-        drawn: dict[str, Figure | None] = {}
-        if reading.scene is not None:
-            drawn["scene"] = draw_scene(reading.scene)
-        if motion is not None:
-            drawn |= {"portrait": draw_portrait(reading, motion), "modes": draw_modes(reading, motion)}
-        if expected is not None:
-            drawn["errors"] = draw_errors([(record.run, record.transitions) for record in self.records], expected)
-            drawn["cost"] = draw_cost([record.run for record in self.records], expected)
-        return {file_name(self.reading, kind): svg(figure) for kind, figure in drawn.items() if figure is not None}
+def draw_figures(state: WorkerState, result: ReadingResult, records: list[Record]) -> dict[str, bytes]:
+    """Job: draw the figures of one reading; return contents by file name."""
+    reading, expected, motion = result.reading, result.expected, motion_in(result)
+    drawn: dict[str, Figure | None] = {}
+    if reading.scene is not None:
+        drawn["scene"] = draw_scene(reading.scene)
+    if motion is not None:
+        drawn |= {"portrait": draw_portrait(reading, motion), "modes": draw_modes(reading, motion)}
+    if expected is not None:
+        drawn["errors"] = draw_errors([(record.run, record.transitions) for record in records], expected)
+        drawn["cost"] = draw_cost([record.run for record in records], expected)
+    return {file_name(reading.name, kind): svg(figure) for kind, figure in drawn.items() if figure is not None}
 
 
 def motion_in(result: ReadingResult) -> Motion | None:

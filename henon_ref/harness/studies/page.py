@@ -14,7 +14,7 @@ from henon_ref.casefile.files import shipped_folder
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.folder import INDEX, REPORT
 from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import svg
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def rows_of(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
+def rows_of(cases: Sequence[Case], options: Options, observer: ProgressLine) -> list[RunRow]:
     """Run the cases; return the rows of ``runs.csv`` in the order of the cases."""
     found: dict[str, list[RunRow]] = {}
 

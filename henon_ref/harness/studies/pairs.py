@@ -20,7 +20,7 @@ import numpy as np
 from henon_ref.baselines.heyoka_taylor import HeyokaTaylor
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import Turns, interleaved, median_interval, timed
 from henon_ref.harness.rows import Key, Row, RunRow, number
 from henon_ref.harness.score.ranking import reaching
@@ -197,7 +197,7 @@ def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: in
 
 
 @dataclass(frozen=True)
-class PairedTiming(Job):
+class PairedTiming:
     """Time the settings of pairs on one reading in interleaved runs; make a row per pair for its cheapest settings."""
 
     case: str
@@ -269,14 +269,14 @@ class PairedTiming(Job):
 
 
 def time_pairs(
-    timings: Sequence[PairedTiming], options: Options, observer: Observer
+    timings: Sequence[PairedTiming], options: Options, observer: ProgressLine
 ) -> tuple[list[TimedPair], list[str]]:
     """Time pairs, each job in one worker; return the rows, and a sentence for each job that fails."""
     rows: dict[int, list[TimedPair]] = {}
     failed: list[str] = []
 
     def job(k: int, timing: PairedTiming) -> Jobs:
-        result = yield timing
+        result = yield Job(timing.run, (), timing.seconds)
         if isinstance(result, Failure):
             whom = ", ".join(dict.fromkeys(pair.against for pair in timing.pairs))
             failed.append(f"{timing.case}, {timing.reading}, against {whom}: {result.reason}")

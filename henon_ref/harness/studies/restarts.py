@@ -12,7 +12,7 @@ from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # the command's help imports this module and must start quickly
     from henon_ref.casefile.case import Case
     from henon_ref.harness.campaign.options import Options
-    from henon_ref.harness.campaign.progress import Observer
+    from henon_ref.harness.campaign.progress import ProgressLine
     from henon_ref.harness.report.manifest import Provenance
 
 
@@ -25,7 +25,7 @@ class StudyRequest:
     origin: Provenance
     folder: Path
     """Folder of the study, in a folder of reports."""
-    observer: Observer
+    observer: ProgressLine
     show: Callable[[str], None]
     """Called with the progress of a study without runs."""
     rows: Path | None = None

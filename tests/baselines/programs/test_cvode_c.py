@@ -15,8 +15,8 @@ from henon_ref.baselines.protocol.program import ProgramRun
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.campaign.journal import code_files
-from henon_ref.harness.campaign.truth_job import stored_statement
 from henon_ref.harness.cli.lists import unavailable
 from henon_ref.harness.registry import all_versions
 from henon_ref.harness.score.errors import score

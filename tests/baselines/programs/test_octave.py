@@ -11,7 +11,7 @@ from henon_ref.baselines.programs import interpreted as module
 from henon_ref.baselines.programs.interpreted import ODE45, octave_version
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.score.errors import score
 
 pytestmark = pytest.mark.skipif(not octave_version(), reason="Octave is not installed")

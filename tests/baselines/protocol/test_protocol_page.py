@@ -15,7 +15,7 @@ from pydantic import BaseModel
 import henon_ref
 from henon_ref.baselines.protocol import messages
 from henon_ref.baselines.protocol.program import ProgramRun, ProgramSolver, read_response
-from henon_ref.harness.campaign.truth_job import stored_statement
+from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.score.errors import score
 
 DOCS = Path(__file__).parents[3] / "docs"

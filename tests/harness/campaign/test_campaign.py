@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -12,12 +12,11 @@ from jobs import memory
 from often import daily
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import run_jobs, truth_job
+from henon_ref.harness.campaign import jobs
 from henon_ref.harness.campaign.campaign import compare, compare_all
 from henon_ref.harness.campaign.comparison import Comparison
+from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.run_jobs import TimeJob
-from henon_ref.harness.campaign.truth_job import Statement
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Demand, bounds_of, demand, gate
 from henon_ref.workers.worker import Job
@@ -27,7 +26,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(truth_job, "statement_of", statement)
+    monkeypatch.setattr(jobs, "statement_of", statement)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:
@@ -112,8 +111,8 @@ def test_numbers_of_numpy_are_as_good_as_plain_ones_in_rows_and_in_the_journal(t
 
 
 def test_a_run_with_too_many_transitions_to_score_is_a_failed_row_that_says_so(monkeypatch):
-    monkeypatch.setattr(run_jobs, "MOST_FOLD", 0)
-    monkeypatch.setattr(run_jobs, "MOST_SPARE", 4)
+    monkeypatch.setattr(jobs, "MOST_FOLD", 0)
+    monkeypatch.setattr(jobs, "MOST_SPARE", 4)
     row = run(Fake(), tolerances=[1e-6]).records[0].run
     assert (row.status, row.verdict) == ("failed", "solver defect")
     assert row.status_reason.startswith("the solver returned more than 4 transitions")
@@ -147,13 +146,13 @@ def test_what_is_demanded_is_run_at_all_its_tolerances_after_a_timeout_too(tmp_p
 
 def test_a_solver_that_is_not_ready_in_time_is_not_judged(monkeypatch):
     """A library that compiles for minutes answers right all the same: that is a limit of ours."""
-    monkeypatch.setattr(run_jobs, "PREPARE_SECONDS", 0.3)
+    monkeypatch.setattr(jobs, "PREPARE_SECONDS", 0.3)
     runs = run(Fake("compiler", "prepares forever")).runs
     assert list(runs["status"]) == ["timeout", "timeout"]
     assert list(runs["verdict"]) == ["not judged", "not judged"]
     assert list(runs["status_reason"]) == [
-        run_jobs.TOO_LONG_TO_PREPARE,
-        f"not run: at 0.001 {run_jobs.TOO_LONG_TO_PREPARE}",
+        jobs.TOO_LONG_TO_PREPARE,
+        f"not run: at 0.001 {jobs.TOO_LONG_TO_PREPARE}",
     ]
 
 
@@ -235,7 +234,7 @@ def test_only_a_right_answer_is_timed_again(tmp_path):
 )
 def test_a_right_run_that_fails_when_it_is_repeated_stays_right_and_says_how_it_failed(monkeypatch, what, words):
     if what == "hangs later":
-        monkeypatch.setattr(TimeJob, "seconds", 0.5)
+        monkeypatch.setattr(jobs, "SPARE_SECONDS", 0.0)
     found = run(Fake(what=what))
     runs = found.runs
     (failure,) = demand("fake", found.run_rows).failures  # all the same nobody can rely on it
@@ -290,7 +289,7 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
     def contradiction(case, reading):
         raise ValueError("the routes disagree")
 
-    monkeypatch.setattr(truth_job, "statement_of", contradiction)
+    monkeypatch.setattr(jobs, "statement_of", contradiction)
     result = run(Fake())
     assert list(result.runs["status"]) == ["ok", "ok"]
     assert result.runs["max_time_error_s"].isna().all()
@@ -299,7 +298,7 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
 
 def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
     nothing = Statement(expected((), end_time=0.0, partial=True), reason="the field is not finite")
-    monkeypatch.setattr(truth_job, "statement_of", lambda case, reading: nothing)
+    monkeypatch.setattr(jobs, "statement_of", lambda case, reading: nothing)
     rows = run(Fake()).run_rows
     assert {(row.status, row.verdict, row.expected_status) for row in rows} == {("ok", "not judged", None)}
     assert not demand("fake", rows).judged
@@ -312,13 +311,8 @@ def test_cases_are_delivered_as_they_are_done():
     assert sorted(done) == ["first", "second"]
 
 
-@dataclass(frozen=True)
-class Drawing(Job):
-    reading: str
-    seconds: float = 20.0
-
-    def run(self, state):
-        return {f"{self.reading}.svg": b"<svg/>"}
+def drawn(state, reading):
+    return {f"{reading}.svg": b"<svg/>"}
 
 
 def test_figures_are_drawn_by_a_worker_too(monkeypatch):
@@ -328,6 +322,6 @@ def test_figures_are_drawn_by_a_worker_too(monkeypatch):
         [case()],
         Options(solvers=(Fake(),), repeats=1),
         found.append,
-        draw=lambda result, records: Drawing(result.reading.name),
+        draw=lambda result, records: Job(drawn, (result.reading.name,), 20.0),
     )
     assert found[0].readings[0].figures == {"default.svg": b"<svg/>"}

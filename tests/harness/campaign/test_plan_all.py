@@ -7,8 +7,7 @@ import pytest
 import henon_ref
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.plan import check_solvers, chosen_solvers
+from henon_ref.harness.campaign.options import Options, check_solvers, chosen_solvers
 
 
 def test_all_is_what_a_reading_lists_or_else_the_default_ones_and_the_peers(monkeypatch: pytest.MonkeyPatch) -> None:

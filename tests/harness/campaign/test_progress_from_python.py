@@ -32,7 +32,7 @@ def clock(monkeypatch):
 RUN = RunRow("belt", "default", "henon", rtol=1e-9, verdict="right", digits=11.27)
 
 
-def shown(stream: io.StringIO, clock: list[float], name: str | None) -> str:
+def shown(stream: io.StringIO | None, clock: list[float], name: str | None) -> str | None:
     with ProgressLine(stream, name) as line:
         line.stage("truths", 0)
         line.stage("rows", 12, 3)
@@ -42,7 +42,7 @@ def shown(stream: io.StringIO, clock: list[float], name: str | None) -> str:
         line.begun("belt", "\x1b[31mred")
         clock[0] = 6.1
         line.tick()
-    return stream.getvalue()
+    return stream and stream.getvalue()
 
 
 ERASED = "\r\x1b[2K"
@@ -78,7 +78,7 @@ def test_what_is_watched_is_a_terminal_or_a_notebook(monkeypatch):
         assert is_seen(io.StringIO()) == seen
 
 
-def test_a_notebook_s_line_is_its_own_output_not_standard_error(clock, monkeypatch):
+def test_a_notebook_s_line_is_its_own_output_not_standard_error(clock, monkeypatch, capsys):
     """Which notebooks colour as if something were wrong; no widgets are needed for it."""
     told: list[str] = []
 
@@ -97,6 +97,10 @@ def test_a_notebook_s_line_is_its_own_output_not_standard_error(clock, monkeypat
     assert shown(stream, clock, "belt") == ""
     assert told == [*(f"belt: {line}" for line in LINES), "belt: 4 of 12 rows, 6.1 s"]
     told.clear()
+    shown(None, clock, "belt")  # as without progress
+    shown(None, clock, None)
+    assert told == []
+    assert capsys.readouterr() == ("", "")
     with sweep_progress(20) as advance:
         advance(5, False)
         advance(15, False)

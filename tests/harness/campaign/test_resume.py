@@ -12,7 +12,7 @@ import pytest
 from fakes import CASE, TIMES, Fake, case, statement
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import journal, truth_job
+from henon_ref.harness.campaign import jobs, journal
 from henon_ref.harness.campaign.campaign import compare, compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.journal import FILE, SET_ASIDE, Journal, line_of, read
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(truth_job, "statement_of", statement)
+    monkeypatch.setattr(jobs, "statement_of", statement)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:

@@ -9,7 +9,7 @@ import pytest
 from fakes import case, found, trajectory
 
 from henon_ref.errors import ContractError
-from henon_ref.harness.campaign.run_jobs import KEPT, RunJob
+from henon_ref.harness.campaign.jobs import KEPT, run_once
 from henon_ref.harness.campaign.timing import SAMPLES, median_interval, repeat, summarise, timed, turn_times
 from henon_ref.workers.worker import WorkerState
 
@@ -134,10 +134,10 @@ def test_a_first_time_of_a_clock_of_its_own_that_is_none_is_refused(monkeypatch,
 
     state = WorkerState(lambda kind, value: None)
     state.kept[KEPT] = Run(), case().readings[0].problem
-    assert RunJob(1.0, 100).run(state).wall_s > 0  # NaN: unknown
+    assert run_once(state, 100)[1] > 0  # NaN: unknown
     monkeypatch.setattr(Run, "wall_s", wall)
     with pytest.raises(ContractError, match=r"the run's wall_s is .*, wanted a positive number"):
-        RunJob(1.0, 100).run(state)
+        run_once(state, 100)
 
 
 def test_a_turn_of_such_a_run_is_one_more_exchange_at_most():

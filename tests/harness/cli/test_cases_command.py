@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from henon_ref.casefile.case import load_case
-from henon_ref.casefile.outline import outline
 from henon_ref.harness.cli import lists
 from henon_ref.harness.cli.lists import cases_command as command
+from henon_ref.harness.cli.lists import outline
 
 CASES = Path(__file__).parents[3] / "cases"
 outlines = cache(outline)

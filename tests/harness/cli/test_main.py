@@ -11,8 +11,7 @@ import pytest
 import typer
 
 from henon_ref import __version__
-from henon_ref.harness.campaign.run_jobs import PREPARE_SECONDS
-from henon_ref.harness.campaign.truth_job import TRUTH_SECONDS
+from henon_ref.harness.campaign.jobs import PREPARE_SECONDS, TRUTH_SECONDS
 from henon_ref.harness.cli import main
 from henon_ref.harness.cli.main import SUBCOMMANDS, Subcommand, program
 

@@ -28,7 +28,7 @@ from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import report_text, write_report
-from henon_ref.harness.report.svg import FigureJob
+from henon_ref.harness.report.svg import draw_figures
 from henon_ref.harness.report.text.gate import gate_table, why_unchecked
 from henon_ref.harness.report.text.model import mode_equations
 from henon_ref.harness.report.text.tables import price_table, run_table
@@ -170,19 +170,15 @@ def test_csv_reads_back_the_same():
     assert text == 'a,b,c,d\n0.30000000000000004,,"x,y",3\n'
 
 
-def job(comparison: Comparison, **changes: object) -> FigureJob:
+def figures(comparison: Comparison, **changes: object) -> dict[str, bytes]:
     times = np.linspace(1.0, 5.0, 81)
     samples = Samples(times, np.sin(times)[:, None], None)
-    result = replace(comparison.readings[0], samples=samples)
-    return replace(FigureJob(result, comparison.records), **changes)
-
-
-def drawn(job: FigureJob) -> dict[str, bytes]:
-    return job.run(WorkerState(lambda kind, value: None))
+    given = {"result": replace(comparison.readings[0], samples=samples), "records": comparison.records}
+    return draw_figures(WorkerState(lambda kind, value: None), **given | changes)
 
 
 def test_figures_are_the_same_bytes_for_the_same_data(comparison):
-    first, second = drawn(job(comparison)), drawn(job(comparison))
+    first, second = figures(comparison), figures(comparison)
     assert set(first) == {"default_modes.svg", "default_errors.svg", "default_cost.svg"}
     assert first == second
     assert all(b"dc:date" not in content for content in first.values())
@@ -192,22 +188,24 @@ def test_figures_are_the_same_bytes_for_the_same_data(comparison):
 def test_only_the_cost_figure_changes_where_nothing_but_timings_did(comparison):
     slower = [changed(own, wall_s=3.0, compile_s=4.0) for own in comparison.records if own.samples]
     cut_off = [changed(own, rtol=1e-13, status="timeout") for own in comparison.records[:2]]
-    quick = drawn(job(comparison, records=tuple(own for own in comparison.records if own.samples)))
-    slow = drawn(job(comparison, records=(*slower, *cut_off)))
+    quick = figures(comparison, records=tuple(own for own in comparison.records if own.samples))
+    slow = figures(comparison, records=(*slower, *cut_off))
     assert {name for name in quick if quick[name] != slow[name]} == {"default_cost.svg"}
 
 
 def test_figures_stand_any_lack_of_data(comparison):
-    result = job(comparison).result
-    without_truth = replace(result, statement=replace(result.statement, expected=None))
-    assert drawn(job(comparison, result=without_truth)) == {}
-    assert drawn(job(comparison, result=replace(result, samples=None), records=[])) == {}
-    nothing = Samples(np.array([1.0, 2.0]), np.full((2, 1), np.nan), None)
-    assert "default_modes.svg" not in drawn(job(comparison, result=replace(result, samples=nothing)))
+    result = comparison.readings[0]
+    times = np.array([1.0, 2.0])
+    samples = Samples(times, np.ones((2, 1)), None)
+    without_truth = replace(result, statement=replace(result.statement, expected=None), samples=samples)
+    assert figures(comparison, result=without_truth) == {}
+    assert figures(comparison, result=replace(result, samples=None), records=[]) == {}
+    nothing = Samples(times, np.full((2, 1), np.nan), None)
+    assert "default_modes.svg" not in figures(comparison, result=replace(result, samples=nothing))
     one = (made("henon", 1e-12, 1e-4),)
-    assert set(drawn(job(comparison, records=one))) == {"default_modes.svg", "default_errors.svg"}
+    assert set(figures(comparison, records=one)) == {"default_modes.svg", "default_errors.svg"}
     failed = (made("ida", 1e-6, 0.0, what="unavailable"),)
-    assert set(drawn(job(comparison, records=failed))) == {"default_modes.svg"}
+    assert set(figures(comparison, records=failed)) == {"default_modes.svg"}
 
 
 def test_motion_has_a_corner_at_every_transition():

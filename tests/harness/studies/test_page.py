@@ -9,9 +9,9 @@ import pytest
 from fakes import Fake, case, statement
 
 from henon_ref.figures import style
-from henon_ref.harness.campaign import truth_job
+from henon_ref.harness.campaign import jobs
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies import page
 
@@ -40,9 +40,10 @@ def test_a_page_stays_as_it_is_where_its_new_files_cannot_be_made(tmp_path: Path
 
 @pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(truth_job, "statement_of", statement)
+    monkeypatch.setattr(jobs, "statement_of", statement)
     cases = [case("b"), case("a")]
-    found = page.rows_of(cases, Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False), Observer())
+    options = Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False)
+    found = page.rows_of(cases, options, ProgressLine(None))
     assert list(dict.fromkeys((row.case, row.solver) for row in found)) == [
         ("b", "one"), ("b", "two"), ("a", "one"), ("a", "two"),
     ]  # fmt: skip

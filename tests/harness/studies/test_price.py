@@ -19,7 +19,7 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.model import mode_tape, operations
@@ -174,7 +174,7 @@ def test_pairs_run_in_turn_at_the_cheapest_settings_for_the_same_digits() -> Non
             ("heyoka", 1e-9, 5e-5, 9.5), ("heyoka", 1e-12, 6e-5, 11),
         ]
     ]  # fmt: skip
-    found, failed = time_ladder_pairs([case], ladder, Options(processes=1), Observer(), seconds=0.1)
+    found, failed = time_ladder_pairs([case], ladder, Options(processes=1), ProgressLine(None), seconds=0.1)
     assert (len(found), failed) == (3, [])
     for pair, digits in zip(found[1:], (6, 9), strict=True):
         assert (pair.rival, pair.digits) == ("heyoka", digits)

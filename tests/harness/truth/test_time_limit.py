@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 from math import inf
 from pathlib import Path
 
@@ -82,7 +83,7 @@ def test_where_no_progress_is_shown_a_truth_that_takes_long_is_said_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(progress, "PATIENCE", -1.0)
-    with caplog.at_level(logging.ERROR), ProgressLine() as shown:
+    with caplog.at_level(logging.ERROR), ProgressLine(sys.stderr) as shown:
         shown.stage("truths", 1)
         shown.begun("level", f"default {TRUTH}")
         shown.tick()

@@ -16,7 +16,7 @@ from henon_ref.figures import style
 from henon_ref.figures.style import describe
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
-from henon_ref.harness.campaign.progress import Observer
+from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.figures import label_column
 from henon_ref.harness.result_files import csv_text
@@ -104,7 +104,7 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     return tuple(dict.fromkeys((FIRST, *every, *named)))
 
 
-def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> list[RunRow]:
+def run_ladder(cases: Sequence[Case], options: Options, observer: ProgressLine) -> list[RunRow]:
     """Run the ladder on the cases' readings, except those for certain solvers only (Listing 1 as printed).
 
     The ladder uses its own tolerances and deadline.
@@ -115,7 +115,7 @@ def run_ladder(cases: Sequence[Case], options: Options, observer: Observer) -> l
 
 
 def time_ladder_pairs(
-    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: Observer, seconds: float = SECONDS
+    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: ProgressLine, seconds: float = SECONDS
 ) -> tuple[list[TimedPair], list[str]]:
     """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings."""
     by_reading = readings_of(rows)

@@ -1,0 +1,214 @@
+"""Jobs of a campaign, which workers do: the truth of a reading, a row (prepare, run, time), and samples for figures.
+
+The three jobs of a row are done by one worker, which keeps the prepared run. The campaign decides after the first run
+whether to time it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from henon_ref.casefile.case import Case, Reading
+from henon_ref.harness import registry
+from henon_ref.harness.campaign.contract_check import (
+    check_prepared,
+    check_repeated,
+    check_trajectory,
+    check_wall_time,
+)
+from henon_ref.harness.campaign.options import Setting
+from henon_ref.harness.campaign.timing import repeat
+from henon_ref.harness.score.reference import Expected
+from henon_ref.jit.processor_time import run_time
+from henon_ref.modes.problem import Problem
+from henon_ref.solver import Run, SelfTimedRun, Solver
+from henon_ref.trajectory import Samples, Trajectory
+from henon_ref.workers.worker import WorkerState
+
+if TYPE_CHECKING:
+    from henon_ref.harness.truth import Truth
+
+TRUTH_SECONDS = 300.0
+"""Limit on the processor time to compute a truth that is not stored [s]."""
+PREPARE_SECONDS = 240.0
+"""Limit on the processor time of a preparation [s]; diffrax took 108 s for the 42 modes of block_chain on a busy
+machine."""
+TOO_LONG_TO_PREPARE = f"preparing it took more than {PREPARE_SECONDS:g} s of processor time"
+BUDGET = 0.2
+"""Time for all samples of one row if the number of samples is not given [s]."""
+SPARE_SECONDS = 5.0
+"""Part of the limit on the time of all samples that does not depend on the run [s]."""
+MOST_FOLD, MOST_SPARE = 10, 100_000
+"""Largest number of returned transitions: this multiple of the exact number, plus this allowance. The limit bounds the
+time of scoring, which takes place in the caller's process."""
+MOST_SHOWN = 40
+"""Largest number of transitions in a figure of the motion; more would overlap."""
+KEPT, FIRST = "run", "first"
+"""Keys in the state of a worker: the prepared run and its problem; the first result and the limit on transitions."""
+
+
+@dataclass(frozen=True)
+class Statement:
+    """Truth of one reading, and its description for the report."""
+
+    expected: Expected | None
+    """None if no truth is available."""
+    methods: tuple[tuple[str, tuple[int, ...], float], ...] = ()
+    """(method, bits, time taken [s]) of every method; the first one gives the digits."""
+    certified: bool = False
+    """Whether every transition has a proven radius, and it is proven that no other transition exists."""
+    proven: int = 0
+    """Number of transitions with a proven radius."""
+    closed_forms: int = 0
+    """Number of transitions whose time is a closed form in the case."""
+    near_grazes: int = 0
+    """Number of near-grazes of a surface."""
+    reason: str = ""
+    """Reason why no truth is available, or why the exact run ends before the horizon."""
+    uncertified_because: str = ""
+
+
+def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Statement:
+    """Job: :func:`statement_of`."""
+    return statement_of(case, reading)
+
+
+def statement_of(case: Case, reading: Reading) -> Statement:
+    """Return the truth of a reading; compute it if it is not stored."""
+    from henon_ref.harness.truth import truth_for
+
+    return _statement(reading, truth_for(case, reading))
+
+
+def stored_statement(case: Case, reading: Reading) -> Statement | None:
+    """Return the stored truth of a reading; None if it is not stored."""
+    from henon_ref.harness.truth.compute import stored_truth
+
+    stored = stored_truth(case, reading)
+    return None if stored is None else _statement(reading, stored)
+
+
+def _statement(reading: Reading, truth: Truth) -> Statement:
+    """Convert a truth to the form that scoring uses."""
+    problem = reading.problem
+    # If the case does not state that the exact run fails, it was the computation of the truth that failed.
+    partial = truth.status == "failed" and (reading.expect is None or reading.expect.status != "failed")
+    expected = Expected(
+        status="ok" if partial else truth.status,
+        transitions=truth.transitions,
+        start=float(problem.start),
+        until=float(problem.until),
+        end_time=truth.end_time,
+        near_grazes=truth.near_grazes,
+        start_size=max((abs(float(value)) for value in problem.initial), default=0.0),
+        partial=partial,
+    )
+    return Statement(
+        expected,
+        methods=truth.methods,
+        certified=truth.certified,
+        proven=truth.proven,
+        closed_forms=sum(event.closed_form for event in truth.transitions),
+        near_grazes=len(truth.near_grazes),
+        reason=truth.reason,
+        uncertified_because=truth.uncertified_because,
+    )
+
+
+def prepare(
+    state: WorkerState, solver: str | Solver, problem: Problem, setting: Setting, timeout: float
+) -> tuple[str, str, float]:
+    """Job: prepare a run and keep it; return landing, version of the library, and wall time [s].
+
+    ``solver`` is a solver or its name in the registry, ``timeout`` the limit on the processor time of one run [s].
+    """
+    state.kept.clear()
+    own = registry.solver(solver) if isinstance(solver, str) else solver
+    version = own.version
+    begin = perf_counter()
+    run = _prepared(own, problem, setting, timeout)
+    took = perf_counter() - begin
+    landing, version = check_prepared(run, landing=own.landing, version=version)
+    state.kept[KEPT] = run, problem
+    return landing, version, took
+
+
+def _prepared(
+    solver: Solver, problem: Problem, setting: Setting, timeout: float, times: NDArray[np.float64] | None = None
+) -> Run:
+    """Prepare a run, with samples at ``times`` [s] if given."""
+    return solver.prepare(
+        problem, rtol=setting.rtol, atol=setting.atol, step=setting.step, sample_times=times, deadline=timeout
+    )
+
+
+def run_once(state: WorkerState, most: int) -> tuple[Trajectory, float]:
+    """Job: do the prepared run once; return its result, checked, and its wall time without compilation [s].
+
+    ``most`` is the largest number of transitions that the run may return.
+    """
+    run, problem = state.kept[KEPT]
+    with state.off_the_clock():
+        begin = run_time()
+        returned = run()
+        took = run_time() - begin
+    if isinstance(run, SelfTimedRun) and run.wall_s == run.wall_s:  # not NaN
+        took = check_wall_time("wall_s", run.wall_s)
+    trajectory = check_trajectory(returned, problem, most=most)
+    state.kept[FIRST] = trajectory, most
+    return trajectory, took
+
+
+def run_seconds(timeout: float) -> float:
+    """Return the time limit of :func:`run_once` [s], a little longer than the deadline that the solver should keep."""
+    return 1.25 * timeout + 1.0
+
+
+def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bool) -> tuple[float, ...]:
+    """Job: repeat the prepared run for its wall time; return the samples [s].
+
+    See :func:`~henon_ref.harness.campaign.timing.repeat`; the run is cold if it was the solver's first on this
+    reading, so that its time ``first`` includes loading of modules.
+    """
+    (run, problem), (trajectory, most) = state.kept[KEPT], state.kept[FIRST]
+    last: list[object] = []
+    with state.off_the_clock():
+        samples = repeat(run, first=first, repeats=repeats, budget=BUDGET, cold=cold, result=last)
+    for returned in last:
+        check_repeated(returned, problem, trajectory, most=most)
+    return samples
+
+
+def repeats_seconds(first: float, repeats: int | None) -> float:
+    """Return the time limit of :func:`time_repeats` [s]."""
+    return SPARE_SECONDS + 4.0 * (BUDGET + first * (repeats or 3))
+
+
+def sample(
+    state: WorkerState, name: str, problem: Problem, setting: Setting, timeout: float, times: tuple[float, ...]
+) -> Samples | None:
+    """Job: run a solver with samples at ``times`` [s]; None if it returns no samples."""
+    grid = np.array(times)
+    trajectory = _prepared(registry.solver(name), problem, setting, timeout, grid)()
+    if trajectory.samples is None:
+        return None
+    return Samples(grid, trajectory.samples, trajectory.sample_modes)
+
+
+def sample_times(start: float, after: float, until: float, transitions: Sequence[float]) -> tuple[float, ...]:
+    """Return the sample times of the figures [s]: a uniform grid on the measured window, which begins at ``after``.
+
+    If the window has more than ``MOST_SHOWN`` of the exact ``transitions`` (times [s]), the grid covers only its end
+    with the last ``MOST_SHOWN``.
+    """
+    begin = max(start, after) if after < until else start
+    inside = [time for time in transitions if begin <= time <= until]
+    if len(inside) > MOST_SHOWN:
+        begin = inside[-MOST_SHOWN]
+    return tuple(np.linspace(begin, until, 1201).tolist())
