@@ -8,18 +8,24 @@ doubled.
 
 from __future__ import annotations
 
+import copyreg
 import logging
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import takewhile
 from time import perf_counter, process_time
+from typing import Any
 
 import heyoka as hy
-from flint import arb
+from flint import arb, fmpz
 
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball, in_digits, written_radius
 from henon_ref.harness.truth.multiprecision.run import Instant, Progress, Run, simulate
 from henon_ref.harness.truth.reference import ReferenceTransition, Route
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
+from henon_ref.workers.executors import Task, finished, processors
 
 log = logging.getLogger(__name__)
 
@@ -27,8 +33,11 @@ LADDER = ((256, 224), (512, 448), (1024, 896))
 """Pairs of precisions [bits], tried in turn; the digits come from the first precision of a pair."""
 WANTED = 1e-30
 """Required radius, as a part of the run's length."""
-PARTS = (0.55, 1.0)
-"""Part of the time limit at which each run of a pair stops; the lower precision takes less time."""
+PARTS = (0.55, 0.45)
+"""Part of the time limit for each run of a pair; the lower precision takes less time."""
+LONG, SURE = 6.0, 0.2
+"""Expected processor time of a run [s] beyond which a second process is worth its start of 2 s; the least part of the
+run from which it is estimated."""
 ROUNDING = 2.0**16
 """Smallest radius, in units of rounding, in case two runs agree by chance."""
 
@@ -51,11 +60,9 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None, second
         before that event.
     """
     began, begun = perf_counter(), process_time()
-    deadlines = [None if seconds is None else begun + seconds * part for part in PARTS]
     for pair in LADDER:
-        runs = [
-            simulate(problem, bits, progress=_part(progress, i), deadline=deadlines[i]) for i, bits in enumerate(pair)
-        ]
+        left = math.inf if seconds is None else seconds - (process_time() - begun)
+        runs = _runs(problem, pair, progress, [left * part for part in PARTS])
         route = _agreed(problem, *runs, seconds=perf_counter() - began)
         if not route.undecided or any(run.out_of_time for run in runs):
             return route
@@ -63,9 +70,54 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None, second
     return route
 
 
-def _part(progress: Progress | None, index: int) -> Progress | None:
-    """Progress function of one of two runs."""
-    return None if progress is None else lambda done: progress((index + done) / 2)
+def _runs(
+    problem: Problem, pair: tuple[int, int], progress: Progress | None, limits: Sequence[float]
+) -> tuple[Run, Run]:
+    """Run a problem at two precisions; if that takes long, the second run is done meanwhile by a worker process.
+
+    ``limits``: limits on the processor times of the runs [s].
+    """
+    begun, second = process_time(), None
+
+    def shown(done: float) -> None:
+        nonlocal second
+        spent = process_time() - begun
+        if second is None and spent > LONG * max(done, SURE) and processors() > 1:
+            second = thread.submit(_by_worker, problem, pair[1], limits[1])
+        if progress is not None:
+            progress(done / 2)
+
+    with ThreadPoolExecutor(1) as thread:
+        first = simulate(problem, pair[0], progress=shown, seconds=limits[0])
+        if second is not None:
+            return first, second.result()
+    return first, simulate(problem, pair[1], progress=_second_half(progress), seconds=limits[1])
+
+
+def _second_half(progress: Progress | None) -> Progress | None:
+    return None if progress is None else lambda done: progress((1 + done) / 2)
+
+
+def _by_worker(problem: Problem, bits: int, seconds: float) -> Run:
+    ((_, run),) = finished(run_apart, [Task(0, (problem, bits, seconds))], jobs=2)
+    return run
+
+
+def run_apart(problem: Problem, bits: int, seconds: float) -> Run:
+    """Run a problem in a worker process, which sends the balls of the result."""
+    copyreg.pickle(arb, _parts_of_ball)
+    return simulate(problem, bits, seconds=seconds)
+
+
+def _parts_of_ball(ball: arb) -> tuple[Any, ...]:
+    """Return how a ball is made from its midpoint and radius, mantissas and exponents (for pickle)."""
+    if not ball.is_finite():
+        return arb, (str(ball),)
+    return _ball, (ball.mid().man_exp(), ball.rad().man_exp())
+
+
+def _ball(midpoint: tuple[fmpz, fmpz], radius: tuple[fmpz, fmpz]) -> arb:
+    return arb(midpoint, arb(radius))
 
 
 def _same(a: Instant, b: Instant) -> bool:

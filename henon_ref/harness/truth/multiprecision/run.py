@@ -63,7 +63,7 @@ class Run:
     accumulates: bool = False
     """Whether infinitely many events accumulate before ``end_time``."""
     out_of_time: bool = False
-    """Whether the deadline ended the run."""
+    """Whether the time limit ended the run."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class _Hit:
     """Whether the guard changes its sign; else it only touches zero."""
 
 
-def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, deadline: float | None = None) -> Run:
+def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, seconds: float | None = None) -> Run:
     """Run a problem at one precision.
 
     Parameters
@@ -85,8 +85,8 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, d
     bits : int
         heyoka's precision; a tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact.
     progress : callable, optional
-    deadline : float, optional
-        Processor time of this process (``time.process_time``) at which the run stops [s].
+    seconds : float, optional
+        Limit on the processor time of the run [s].
 
     Returns
     -------
@@ -99,13 +99,13 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, d
         If too many contacts with static friction act on each other at once.
     """
     with working_precision(bits + GUARD_BITS):
-        return _Simulation(problem, bits, progress, deadline).run()
+        return _Simulation(problem, bits, progress, seconds).run()
 
 
 class _Simulation:
-    def __init__(self, problem: Problem, bits: int, progress: Progress | None, deadline: float | None) -> None:
+    def __init__(self, problem: Problem, bits: int, progress: Progress | None, seconds: float | None) -> None:
         self.problem = problem
-        self.deadline = math.inf if deadline is None else deadline
+        self.deadline = math.inf if seconds is None else process_time() + seconds
         self.bits = bits
         self.zero = arb(2) ** (-(3 * bits) // 4)
         self.progress = progress

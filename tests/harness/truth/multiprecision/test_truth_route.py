@@ -50,6 +50,18 @@ def test_fields_that_differ_in_their_numbers_alone_are_compiled_once() -> None:
     assert _integrator.cache_info().misses == made
 
 
+def test_a_second_process_does_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It does the run at the lower precision of a problem that takes long."""
+    problem, apart = systems.free_coulomb(), []
+    alone = route(problem)
+    by_worker = multiprecision._by_worker
+    monkeypatch.setattr(multiprecision, "LONG", 0.0)
+    monkeypatch.setattr(multiprecision, "processors", lambda: 2)
+    monkeypatch.setattr(multiprecision, "_by_worker", lambda *given: apart.append(given[1]) or by_worker(*given))
+    assert replace(route(problem), seconds=alone.seconds) == alone
+    assert apart == [224]
+
+
 def test_the_radius_is_the_difference_of_the_two_runs() -> None:
     late = run(224, event("1.0000000000000000000000000000000001"))
     agreed = multiprecision._agreed(systems.leaving_slide(), run(256, event("1")), late, seconds=0)
