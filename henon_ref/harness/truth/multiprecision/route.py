@@ -13,19 +13,24 @@ import logging
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from itertools import takewhile
+from threading import Event
 from time import perf_counter, process_time
 from typing import Any
 
 import heyoka as hy
 from flint import arb, fmpz
 
+from henon_ref.errors import HenonRefError
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball, in_digits, written_radius
 from henon_ref.harness.truth.multiprecision.run import Instant, Progress, Run, simulate
 from henon_ref.harness.truth.reference import ReferenceTransition, Route
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
-from henon_ref.workers.executors import Task, finished, processors
+from henon_ref.workers.executors import processors
+from henon_ref.workers.pool import Jobs, WorkerPool
+from henon_ref.workers.worker import Failure, Job, WorkerState
 
 log = logging.getLogger(__name__)
 
@@ -59,52 +64,75 @@ def multiprecision(problem: Problem, *, progress: Progress | None = None, second
         With status ``failed`` if the precisions do not suffice to decide an event; it then has the transitions
         before that event.
     """
-    began, begun = perf_counter(), process_time()
+    began, left = perf_counter(), math.inf if seconds is None else seconds
     for pair in LADDER:
-        left = math.inf if seconds is None else seconds - (process_time() - begun)
         runs = _runs(problem, pair, progress, [left * part for part in PARTS])
         route = _agreed(problem, *runs, seconds=perf_counter() - began)
         if not route.undecided or any(run.out_of_time for run in runs):
             return route
         log.info("%s bits: %s", pair, route.undecided)
+        left -= sum(run.seconds for run in runs)
     return route
 
 
 def _runs(
     problem: Problem, pair: tuple[int, int], progress: Progress | None, limits: Sequence[float]
 ) -> tuple[Run, Run]:
-    """Run a problem at two precisions; if that takes long, the second run is done meanwhile by a worker process.
+    """Run a problem at two precisions; if that takes long, a worker process does the second run meanwhile.
 
-    ``limits``: limits on the processor times of the runs [s].
+    ``limits``: limits on the processor times of the runs [s]. If no worker does the second run, this process does.
     """
-    begun, second = process_time(), None
+    begun, ended, apart = process_time(), Event(), None
 
     def shown(done: float) -> None:
-        nonlocal second
+        nonlocal apart
         spent = process_time() - begun
-        if second is None and spent > LONG * max(done, SURE) and processors() > 1:
-            second = thread.submit(_by_worker, problem, pair[1], limits[1])
+        if apart is None and spent > LONG * max(done, SURE) and processors() > 1:
+            apart = thread.submit(_by_worker, problem, pair[1], limits[1], ended)
         if progress is not None:
-            progress(done / 2)
+            progress(done / 2 if apart is None else done)
 
     with ThreadPoolExecutor(1) as thread:
-        first = simulate(problem, pair[0], progress=shown, seconds=limits[0])
-        if second is not None:
-            return first, second.result()
-    return first, simulate(problem, pair[1], progress=_second_half(progress), seconds=limits[1])
+        try:
+            first = simulate(problem, pair[0], progress=shown, seconds=limits[0])
+            second = None if apart is None else apart.result()
+        finally:  # after an interrupt, too, no worker is left
+            ended.set()
+    if second is None:
+        second = simulate(problem, pair[1], progress=_second_half(progress), seconds=limits[1])
+    return first, second
 
 
 def _second_half(progress: Progress | None) -> Progress | None:
     return None if progress is None else lambda done: progress((1 + done) / 2)
 
 
-def _by_worker(problem: Problem, bits: int, seconds: float) -> Run:
-    ((_, run),) = finished(run_apart, [Task(0, (problem, bits, seconds))], jobs=2)
-    return run
+def _by_worker(problem: Problem, bits: int, seconds: float, ended: Event) -> Run | None:
+    """Run a problem in a worker process; None if it fails, cannot start, or is not wanted after ``ended``."""
+    results: list[Run | Failure] = []
+
+    def jobs() -> Jobs:
+        results.append((yield Job(run_apart, (problem, bits, seconds), math.inf)))
+
+    pool = WorkerPool(workers=1, modules=[__name__])
+    pool.add("truth", jobs())
+    try:
+        with closing(pool.turns()) as turns:
+            for _ in turns:
+                if ended.is_set():
+                    return None
+    except (HenonRefError, OSError, EOFError) as error:
+        log.info("no second process: %s", error)
+        return None
+    (found,) = results
+    if isinstance(found, Failure):
+        log.info("second process: %s", found.reason)
+        return None
+    return found
 
 
-def run_apart(problem: Problem, bits: int, seconds: float) -> Run:
-    """Run a problem in a worker process, which sends the balls of the result."""
+def run_apart(_: WorkerState, problem: Problem, bits: int, seconds: float) -> Run:
+    """Job: run a problem; the reply has the balls of the result."""
     copyreg.pickle(arb, _parts_of_ball)
     return simulate(problem, bits, seconds=seconds)
 

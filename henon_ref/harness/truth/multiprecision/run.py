@@ -64,6 +64,8 @@ class Run:
     """Whether infinitely many events accumulate before ``end_time``."""
     out_of_time: bool = False
     """Whether the time limit ended the run."""
+    seconds: float = 0.0
+    """Processor time [s]."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,11 @@ def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, s
     UnsupportedError
         If too many contacts with static friction act on each other at once.
     """
+    begun = process_time()
     with working_precision(bits + GUARD_BITS):
-        return _Simulation(problem, bits, progress, seconds).run()
+        run = _Simulation(problem, bits, progress, seconds).run()
+    run.seconds = process_time() - begun
+    return run
 
 
 class _Simulation:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import time
 from dataclasses import replace
+from typing import Any
 
 import pytest
 import systems
@@ -13,9 +16,11 @@ pytest.importorskip("heyoka")
 from henon_ref.enclosure.run import EnclosedTransition
 from henon_ref.harness.truth.multiprecision import route as multiprecision
 from henon_ref.harness.truth.multiprecision.route import multiprecision as route
-from henon_ref.harness.truth.multiprecision.run import Instant, Run
+from henon_ref.harness.truth.multiprecision.run import Instant, Run, simulate
 from henon_ref.harness.truth.multiprecision.stepper import _integrator
 from henon_ref.harness.truth.proofs import prove
+from henon_ref.modes.problem import Problem
+from henon_ref.workers.worker import WorkerState
 
 
 def event(time: str, after: int = 1) -> Instant:
@@ -50,16 +55,64 @@ def test_fields_that_differ_in_their_numbers_alone_are_compiled_once() -> None:
     assert _integrator.cache_info().misses == made
 
 
-def test_a_second_process_does_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It does the run at the lower precision of a problem that takes long."""
-    problem, apart = systems.free_coulomb(), []
-    alone = route(problem)
-    by_worker = multiprecision._by_worker
+@pytest.fixture
+def shared(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, Run | None]]:
+    """Any problem counts as long; precision and result of each run that a second process did."""
+    done, by_worker = [], multiprecision._by_worker
+
+    def noted(problem: Problem, bits: int, *given: Any) -> Run | None:
+        done.append((bits, by_worker(problem, bits, *given)))
+        return done[-1][1]
+
     monkeypatch.setattr(multiprecision, "LONG", 0.0)
     monkeypatch.setattr(multiprecision, "processors", lambda: 2)
-    monkeypatch.setattr(multiprecision, "_by_worker", lambda *given: apart.append(given[1]) or by_worker(*given))
-    assert replace(route(problem), seconds=alone.seconds) == alone
-    assert apart == [224]
+    monkeypatch.setattr(multiprecision, "_by_worker", noted)
+    return done
+
+
+def test_a_second_process_does_the_same(shared: list[tuple[int, Run | None]]) -> None:
+    """It does the run at the lower precision of a problem that takes long."""
+    problem = systems.free_coulomb()
+    parts: list[float] = []
+    found = route(problem, progress=parts.append)
+    ((bits, low),) = shared
+    assert bits == 224
+    assert low == replace(simulate(problem, 224), seconds=low.seconds)
+    assert low.seconds > 0
+    assert found.transitions == multiprecision._agreed(problem, simulate(problem, 256), low, seconds=0).transitions
+    assert parts == sorted(parts)
+    assert parts[-1] > 0.5
+
+
+def die(state: WorkerState, *given: object) -> None:
+    os._exit(1)
+
+
+def wait(state: WorkerState, *given: object) -> str:
+    time.sleep(20)
+    return "late"
+
+
+def test_without_an_answer_of_the_second_process_the_first_does_both_runs(
+    shared: list[tuple[int, Run | None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(multiprecision, "run_apart", die)
+    found = route(systems.free_coulomb())
+    assert shared == [(224, None)]
+    assert found.bits == (256, 224)
+    assert not found.undecided
+
+
+def test_an_interrupt_ends_the_second_process(
+    shared: list[tuple[int, Run | None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(done: float) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(multiprecision, "run_apart", wait)
+    with pytest.raises(KeyboardInterrupt):
+        route(systems.free_coulomb(), progress=interrupted)
+    assert shared == [(224, None)]
 
 
 def test_the_radius_is_the_difference_of_the_two_runs() -> None:
