@@ -69,9 +69,14 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
     """Run a typer application and return the value of its function, or a status if help was requested.
 
     ``arguments`` default to those of the process; the usage shows the subcommand, and the function finds ``obj`` in its
-    context. A KeyboardInterrupt, which typer would turn into a status, propagates.
+    context. Exceptions that typer would turn into a status propagate: KeyboardInterrupt, EOFError, BrokenPipeError.
     """
-    result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False, obj=obj)
+    try:
+        result = app(arguments, prog_name=f"henon-ref {name}".strip(), standalone_mode=False, obj=obj)
+    except (typer.Abort, SystemExit) as error:
+        if isinstance(cause := error.__context__, EOFError | BrokenPipeError):
+            raise cause from cause.__cause__
+        raise
     if type(result) is int and result == INTERRUPTED:
         raise KeyboardInterrupt
     return DONE if result is None else result

@@ -172,7 +172,8 @@ class _Attempt:
 
     def _advance(self, flow: ValidatedFlow) -> str:
         """Propagate to the horizon; return why it was not reached, or an empty text."""
-        begin, length = float(self.start[0].mid()), float(self.horizon) - float(self.start[0].mid())
+        begin = self.start[0].mid()
+        length = float(self.horizon - begin)
         while True:
             before = flow.points.centre[0]
             hit = flow.step(self.horizon)
@@ -181,7 +182,7 @@ class _Attempt:
             if flow.done:
                 return ""
             now = flow.points.centre[0]
-            passed, at = float(now) - begin, f"t = {now.str(17, radius=False)}"
+            passed, at = float(now - begin), f"t = {now.str(17, radius=False)}"
             if self.progress is not None:
                 self.progress(passed / length)
             if len(self.transitions) >= MAX_TRANSITIONS:

@@ -9,7 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from henon_ref.atomic_write import write_through
 from henon_ref.casefile.case import DEFAULT_READING
@@ -28,9 +28,6 @@ from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.ranking import over_all
 from henon_ref.harness.table import Table, listing
 from henon_ref.text import link, markdown, one_line, paragraphs
-
-if TYPE_CHECKING:
-    pass
 
 MANY = 4
 """Number of readings from which a report begins with tables over all readings."""

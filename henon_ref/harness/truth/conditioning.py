@@ -274,8 +274,8 @@ class _Variations:
         rates = drift + gradients @ field
         if self._shared is None:
             return field, values, gradients, rates
-        kept = np.array(self._shared.rows(mode))
-        return field, values[kept], gradients[kept], rates[kept]
+        rows = np.array(self._shared.rows(mode))
+        return field, values[rows], gradients[rows], rates[rows]
 
     def _key(self, mode: Mode) -> Mode | None:
         """None if all modes share their equations."""

@@ -68,6 +68,20 @@ def test_what_nobody_foresaw_is_status_3_and_one_message_with_the_path_of_a_log(
     assert re.search(r"^numpy \d", text, re.MULTILINE)
 
 
+@pytest.mark.parametrize("error", [EOFError("no answer"), BrokenPipeError(errno.EPIPE, "broken pipe")], ids=repr)
+def test_an_error_that_typer_takes_for_an_end_of_the_user_s_input_or_output_is_reported(
+    logs, monkeypatch, capsys, error
+):
+    def raised(*arguments: object, **options: object) -> None:
+        raise error
+
+    monkeypatch.setattr(compare_cases, "load_cases", raised)
+    assert COMMANDS["compare"][0].command(["some case.yaml"]) == 3
+    assert capsys.readouterr().err.strip().startswith(f"error: unforeseen: {type(error).__name__}: ")
+    (log,) = logs.iterdir()
+    assert "in raised" in log.read_text()
+
+
 @pytest.mark.parametrize("fault", ["a file in its place", "others can write there"])
 def test_a_log_that_cannot_lie_in_the_user_s_folder_lies_in_a_temporary_one(logs, tmp_path, monkeypatch, fault):
     monkeypatch.setattr(crash_log.tempfile, "tempdir", str(tmp_path))

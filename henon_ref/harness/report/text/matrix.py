@@ -29,7 +29,7 @@ class MatrixRow(Row):
     case: str
     reading: str
     kind: str | None
-    """Kind of the reading (:mod:`henon_ref.harness.score.reference.kind_of`)."""
+    """Kind of the reading (:func:`henon_ref.harness.score.reference.kind_of`)."""
     solver: str
     settings: int = 0
     """Number of settings tried."""
