@@ -182,7 +182,10 @@ def _begin_server(*, figures: bool) -> None:
 
 def command(arguments: Sequence[str] | None = None, *, served: bool = False) -> int:
     """Run the command and return its exit status; an error is reported in one message on standard error."""
-    act = lambda: int(parsed(app, arguments, name="compare", obj=served))  # noqa: E731
+
+    def act() -> int:
+        return int(parsed(app, arguments, name="compare", obj=served))
+
     return exit_status(act, name="compare", arguments=arguments, kept=KEPT)
 
 
