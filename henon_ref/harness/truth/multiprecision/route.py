@@ -40,9 +40,9 @@ WANTED = 1e-30
 """Required radius, as a part of the run's length."""
 PARTS = (0.55, 0.45)
 """Part of the time limit for each run of a pair; the lower precision takes less time."""
-LONG, SURE = 6.0, 0.2
-"""Expected processor time of a run [s] beyond which a second process is worth its start of 2 s; the least part of the
-run from which it is estimated."""
+LONG, SURE = 5.0, 0.2
+"""Expected remaining processor time of the first run [s] beyond which a second process is worth its start of 2 s; the
+least part of the run from which it is estimated."""
 ROUNDING = 2.0**16
 """Smallest radius, in units of rounding, in case two runs agree by chance."""
 
@@ -86,8 +86,8 @@ def _runs(
 
     def shown(done: float) -> None:
         nonlocal apart
-        spent = process_time() - begun
-        if apart is None and spent > LONG * max(done, SURE) and processors() > 1:
+        remaining = (process_time() - begun) * (1.0 - done) / max(done, SURE)
+        if apart is None and remaining > LONG and processors() > 1:
             apart = thread.submit(_by_worker, problem, pair[1], limits[1], ended)
         if progress is not None:
             progress(done / 2 if apart is None else done)
