@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, Protocol
 
 import sympy as sp
 
@@ -58,14 +58,19 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
     return surfaces, valid
 
 
-def initial_mode(
-    modes: Any, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
-) -> Decision:
-    """Decide the mode at the start from exact numbers.
+class Evaluation(Protocol):
+    """Evaluation of the modes of a system."""
 
-    ``modes``: evaluation of the modes of its ``system``, whose ``exactly`` returns the point of exact numbers;
-    ``given``: prescribed entries of surfaces on which the start lies.
-    """
+    system: FilippovSystem
+
+    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
+        """Return the point of exact numbers."""
+
+
+def initial_mode(
+    modes: Evaluation, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
+) -> Decision:
+    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 
