@@ -21,13 +21,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
-from typing import Any, Protocol
+from typing import Any
 
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Point
+from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Evaluation, Point
 from henon_ref.modes.contact_loops import relations
 from henon_ref.modes.decision import Decision, ended, explained, several, with_entries
 from henon_ref.modes.equations import Guard
@@ -56,15 +56,6 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
         for expressions in (system.surfaces, system.valid)
     )
     return surfaces, valid
-
-
-class Evaluation(Protocol):
-    """Evaluation of the modes of a system."""
-
-    system: FilippovSystem
-
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """Return the point of exact numbers."""
 
 
 def initial_mode(
