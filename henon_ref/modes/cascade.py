@@ -20,7 +20,6 @@ from typing import Any, Protocol
 import sympy as sp
 from sympy.utilities.iterables import connected_components
 
-from henon_ref.modes.arithmetic import Point
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
 from henon_ref.modes.mode import Mode
@@ -49,8 +48,11 @@ class Numbers(Protocol):
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
         """Taylor coefficients in time of a mode's guards."""
 
-    def at(self, t: Any, x: Sequence[Any]) -> Point:
-        """Point at which modes are decided; messages contain its ``when``."""
+    def at(self, t: Any, x: Sequence[Any]) -> Any:
+        """:class:`~henon_ref.modes.arithmetic.Point` at which modes are decided; messages contain its ``when``.
+
+        (Its type is not imported, because the enclosure, which uses this module, must not import mode selection.)
+        """
 
 
 @dataclass(frozen=True)
