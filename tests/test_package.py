@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import runpy
 import subprocess
 import sys
@@ -118,3 +119,14 @@ def test_readme_is_short_and_has_the_lines_that_ci_and_a_reader_take_from_it() -
     begin = text.index("| digits | cheapest")
     table = text[begin : text.index("\n\n", begin)]
     assert table in report, "README shows a table that is no longer that of reports/fig8"
+
+
+def test_files_that_comments_in_c_and_the_architecture_page_name_are_there() -> None:
+    sources = [*ROOT.glob("henon_ref/kernel/*.[ch]"), *ROOT.glob("baselines/paper/*.[ch]")]
+    named = {name for path in sources for name in re.findall(r"\w+(?:/\w+)+\.(?:py|c|h)\b", path.read_text("utf-8"))}
+    page = (ROOT / "docs" / "architecture.md").read_text("utf-8")
+    named |= set(re.findall(r"`(\w+(?:/[\w.]+)+)`", page))
+    assert len(named) > 100
+    places = [ROOT, ROOT / "henon_ref", ROOT / "henon_ref" / "harness"]
+    known = {name for name in named for place in places for end in ("", ".py") if (place / f"{name}{end}").exists()}
+    assert named - known == set()

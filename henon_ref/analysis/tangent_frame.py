@@ -62,6 +62,7 @@ class TangentFrame:
         """Begin the averaging now, with all directions of the present mode."""
         self.counted = list(range(self.dimension))
         self.logs = np.where(np.arange(self.n) < self.dimension, 0.0, -np.inf)
+        # Sum of the growths less that of the volume, sum of the absolute terms, and allowed rounding errors.
         self.off = self.terms = self.allowed = 0.0
         self.began = self.last = self.flow.time
         self.stuck = 0.0

@@ -217,8 +217,7 @@ def _next_mode(
     """Return the decision on the mode after guards have fallen at a point, and the known zeros of its guards there.
 
     Rounding moves a sliding state off its surfaces; its ball is widened by this distance. If rounding has split a tie
-    of steep guards, no mode may be consistent; then double precision decides, as it does for ordinary events, with
-    these relative levels of zero.
+    of steep guards, no mode may be consistent; then double precision decides, as it does for ordinary events.
     """
     time, state = point
     sliding = [i for i, s in enumerate(mode) if s == 0]
@@ -227,7 +226,8 @@ def _next_mode(
     at = modes.in_balls.at(time, state)
     decision = after_event(at, mode, hits)
     if decision.status == "none":
-        at = modes.in_doubles.at(float(time), [float(x) for x in state], (1e-15, 0.0))
+        levels = 1e-15, 0.0  # relative size of zero
+        at = modes.in_doubles.at(float(time), [float(x) for x in state], levels)
         decision = after_event(at, mode, hits)
     if decision.mode is None:
         return decision, ()

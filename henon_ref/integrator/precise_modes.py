@@ -163,7 +163,9 @@ class PreciseModes:
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""
-        return self.in_balls.guards(mode) or ()
+        guards = self.in_balls.guards(mode)
+        assert guards is not None
+        return guards
 
     def expand(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb

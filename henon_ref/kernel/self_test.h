@@ -15,7 +15,7 @@ static const volatile double self_test_inputs[] = {1.4, 0.3, 0.1, 0.7, 0x1p30, 0
 
 /* A hundred steps of Hénon's map, x' = 1 - a x^2 + y, y' = b x (Commun. Math. Phys. 50, 69, 1976), which turn one unit
  * in the last place into a difference in the first. The returned value differs from the correct one (in
- * henon_ref/kernel/library.py; tests/kernel/test_build.py computes it) if
+ * henon_ref/kernel/library.py; tests/kernel/test_kernel_library.py computes it) if
  * - a product and a sum are fused that are not written as fused (-ffp-contract=on or fast),
  * - a fused operation is rounded twice (a wrong fma in the C library),
  * - sums are reordered (-fassociative-math, -ffast-math),

@@ -162,6 +162,15 @@ class Point(Protocol):
         """Whether two modes with equations have the same motion, in all derivatives that are computed."""
 
 
+class Evaluation(Protocol):
+    """Evaluation of the modes of a system."""
+
+    system: FilippovSystem
+
+    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
+        """Return the point of exact numbers."""
+
+
 def _growth(series: Sequence[float], first: int) -> float:
     """Return the growth rate of coefficients from the larger of the two at ``first``; 0 if both are zero."""
     slope, rate = max((abs(c) for c in series[first : first + 2]), default=0.0), 0.0

@@ -49,7 +49,10 @@ class Numbers(Protocol):
         """Taylor coefficients in time of a mode's guards."""
 
     def at(self, t: Any, x: Sequence[Any]) -> Any:
-        """:class:`~henon_ref.modes.arithmetic.Point` at which modes are decided; messages contain its ``when``."""
+        """:class:`~henon_ref.modes.arithmetic.Point` at which modes are decided; messages contain its ``when``.
+
+        (Its type is not imported, because the enclosure, which uses this module, must not import mode selection.)
+        """
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Point
+from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Evaluation, Point
 from henon_ref.modes.contact_loops import relations
 from henon_ref.modes.decision import Decision, ended, explained, several, with_entries
 from henon_ref.modes.equations import Guard
@@ -59,13 +59,9 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
 
 
 def initial_mode(
-    modes: Any, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
+    modes: Evaluation, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
 ) -> Decision:
-    """Decide the mode at the start from exact numbers.
-
-    ``modes``: evaluation of the modes of its ``system``, whose ``exactly`` returns the point of exact numbers;
-    ``given``: prescribed entries of surfaces on which the start lies.
-    """
+    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
     return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
 
 

@@ -117,7 +117,7 @@ def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
     bits = {"falling": 0, "rising": 0}
     for name, direction in stop.items():
         index = names.index(written_name(name, "'stop'"))
-        if direction not in bits:
+        if not isinstance(direction, str) or direction not in bits:
             raise ArgumentError(f"'stop' at '{names[index]}' is {str(direction)[:60]!r}; wanted 'falling' or 'rising'")
         if index >= STOPS:
             raise ArgumentError(f"'{names[index]}' is beyond the first {STOPS} surfaces, on which a run can be stopped")

@@ -309,11 +309,8 @@ class System:
     @cached_property
     def has_moving_exponents(self) -> bool:
         """Whether an exponent in a surface or a ``valid`` expression depends on time or states."""
-        moving, powers = {TIME, *self.model.states}, set[sp.Pow]()
-        return any(
-            p.exp.free_symbols & moving
-            for p in powers.union(*(e.atoms(sp.Pow) for e in (*self.model.surfaces, *self.model.valid)))
-        )
+        moving, written = {TIME, *self.model.states}, (*self.model.surfaces, *self.model.valid)
+        return any(power.exp.free_symbols & moving for e in written for power in e.atoms(sp.Pow))
 
     @cached_property
     def structure(self) -> tuple[object, ...]:

@@ -201,6 +201,6 @@ def _name(value: Any) -> str:
 
 
 def _direction(value: Any) -> str:
-    if value not in DIRECTIONS:
+    if not isinstance(value, str) or value not in DIRECTIONS:
         raise ArgumentError(f"direction is {str(value)[:60]!r}; wanted one of {listed(list(DIRECTIONS))}")
     return str(value)

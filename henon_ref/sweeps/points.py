@@ -231,8 +231,9 @@ def numbers(given: Any, what: str) -> Vector:
         raise ArgumentError(f"{what} is {str(given)[:60]}; wanted a list or array of numbers") from None
     if values.ndim != 1:
         raise ArgumentError(f"{what} has the shape {values.shape}; wanted a list or array of numbers")
-    for k in np.flatnonzero(~np.isfinite(values))[:1].tolist():
-        raise ArgumentError(f"{what} holds {values[k]} at place {k + 1}; a number must be finite")
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if wrong.size:
+        raise ArgumentError(f"{what} holds {values[wrong[0]]} at place {wrong[0] + 1}; a number must be finite")
     return values
 
 
@@ -304,7 +305,9 @@ def _check(points: Points) -> None:
     if points.chain < 1 or len(values) % points.chain or any(len(own) != len(values) for own in points.labels.values()):
         raise ArgumentError("chains must divide the number of points, and labels must be as many as the points")
     check_size(len(values), len(names), "'points'")
-    for k, i in np.argwhere(~np.isfinite(values))[:1].tolist():
+    wrong = np.argwhere(~np.isfinite(values))
+    if len(wrong):
+        k, i = wrong[0].tolist()
         raise ArgumentError(f"'{names[i]}' is {values[k, i]} at point {k}; a number must be finite")
 
 

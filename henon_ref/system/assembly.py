@@ -52,7 +52,7 @@ class Connection:
     pushes: Sequence[tuple[str, sp.Expr]]
     """Pairs of a body's name and the force [N] or torque [N m] on it."""
     surfaces: Mapping[sp.Symbol, sp.Expr]
-    """Sign -> its surface, in t, states and parameters, of all signs in the terms."""
+    """Each sign in the terms -> its surface, in t, states and parameters."""
     kinks: Set[sp.Symbol]
     """Signs of kinks of expressions."""
     holds: Mapping[sp.Symbol, sp.Expr]

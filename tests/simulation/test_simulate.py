@@ -180,6 +180,7 @@ REFUSED = {
     "a tolerance that is text": {"rtol": "1e-6"},
     "a stop on an unknown surface": {"stop": {"q": "falling"}},
     "a stop in no direction": {"stop": {"s": "sideways"}},
+    "a stop in a list of directions": {"stop": {"s": ["falling"]}},
     "a stop that is text": {"stop": "s"},
     "a giant number": {"until": 10**400},
     "a giant power": {"until": "9^9^9^9"},

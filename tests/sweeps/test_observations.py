@@ -243,6 +243,7 @@ def test_times_and_initial_values_in_parameters_follow_swept_ones() -> None:
         lambda: observe.section("y"),
         lambda: observe.section("vb"),
         lambda: observe.section("x", direction="up"),
+        lambda: observe.section("x", direction=["rising"]),
         lambda: observe.section("x", most=0),
         lambda: observe.section("x", name="a b"),
         lambda: observe.section("abs(x)"),

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
 from textwrap import dedent
@@ -247,8 +248,9 @@ def test_workers_that_are_killed_leave_the_same_files(tmp_path: Path) -> None:
     while process.poll() is None and time.monotonic() < ends:
         if (tmp_path / "killed" / "points").is_dir() and killed < 2:
             for pid in _workers_of(process.pid)[:1]:
-                os.kill(pid, signal.SIGKILL)
-                killed += 1
+                with suppress(ProcessLookupError):  # it has just ended
+                    os.kill(pid, signal.SIGKILL)
+                    killed += 1
             time.sleep(0.2)
         time.sleep(0.005)
     assert process.wait(timeout=600) == 0

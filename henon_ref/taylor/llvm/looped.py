@@ -4,7 +4,8 @@ A tape of thousands of operations has few kinds of them. As in heyoka's compact 
 2021, Sec. 2.4) there is one function per shape and order. It loops over all nodes of the shape by a table of the places
 that they read, so that compilation time does not grow with their number. The functions are written by the recurrences
 of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node, cut into pieces
-(:mod:`henon_ref.taylor.llvm.one_node`), and compute the same bits.
+(:mod:`henon_ref.taylor.llvm.one_node`), and compute the same bits, except in the third norm: of this sum, only whether
+it is finite is used, so that the order of its terms is free.
 
 Series of states are in the rows of ``C``. Series of nodes are in memory ``S`` that is allocated for the call, which
 also holds the sums of constants that are used as factors, each once.

@@ -154,8 +154,10 @@ class Recurrences:
     def _powers_of_clock(self, at: int, clock: Node) -> list[str]:
         """Powers of c1 unit up to the order, as vectors; none for order 0."""
         if at not in self._powers:
-            rate = self.w.mul(self.constants.value(clock.constants[1]), "%unit") if self.order else None
-            self._powers[at] = _powers(self.w, rate or ZERO, -(-(self.order + 1) // LANES)) if self.order else []
+            self._powers[at] = []
+            if self.order:
+                rate = self.w.mul(self.constants.value(clock.constants[1]), "%unit")
+                self._powers[at] = _powers(self.w, rate or ZERO, -(-(self.order + 1) // LANES))
         return self._powers[at]
 
     def _sin_cos(self, high: str, low: str) -> tuple[str, str]:
