@@ -16,10 +16,15 @@ def write_through(path: Path, content: bytes) -> None:
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """Put a whole file in the place of another, or leave the other as it is; a device or pipe is written to."""
+    """Put a whole file in the place of another, or leave the other as it is; a device or pipe is written to.
+
+    A link stays a link: the file to which it leads is replaced.
+    """
     if path.exists() and not path.is_file():
         path.write_bytes(content)
         return
+    if path.is_symlink():
+        path = path.resolve()
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         write_through(part, content)

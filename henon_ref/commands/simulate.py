@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from henon_ref.atomic_write import replace_file
 from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, command_of, say
 from henon_ref.commands.typer_app import application, examples
@@ -76,7 +77,7 @@ def main(
         if csv == STANDARD_OUTPUT:
             print(text, end="")
         else:
-            _write(csv, text)
+            _write(csv, text.encode())
     elif len(table):
         print(table.to_string(index=False, float_format=lambda value: f"{value:.12g}"))
     if plot is not None:
@@ -137,9 +138,9 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
     )
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: bytes) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        replace_file(path, content)
     except OSError as error:
         raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
 
@@ -166,10 +167,7 @@ def _write_picture(path: Path, run: Solution) -> None:
         run.plot_time(*names, ax=[upper, lower][: len(names)])
         if len(names) < 2:
             lower.remove()
-    try:
-        path.write_bytes(style.image(figure, path.suffix.lower()[1:]))
-    except OSError as error:
-        raise CaseError(f"cannot write {path}: {error.strerror or error}") from None
+    _write(path, style.image(figure, path.suffix.lower()[1:]))
 
 
 command, demo_command = command_of(app, "simulate"), command_of(demo_app, "demo")

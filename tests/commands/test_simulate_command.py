@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
+import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -88,3 +91,28 @@ def test_what_cannot_be_meant_is_one_line(words: list[str], said: str, capsys: p
     shown = capsys.readouterr()
     assert said in shown.err
     assert (shown.out, shown.err.count("\n")) == ("", 1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege there")
+@pytest.mark.parametrize(("option", "name"), [("--csv", "belt.csv"), ("--plot", "belt.svg")])
+def test_a_file_that_cannot_be_written_whole_leaves_the_earlier_one(
+    option: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a full disk, and also through a link."""
+    (tmp_path / name).write_text("earlier")
+    (tmp_path / f"link_{name}").symlink_to(tmp_path / name)
+
+    def full(file: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    given = [str(CASES / "stribeck_belt.yaml"), "--until", "1", option]
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        for place in (name, f"link_{name}"):
+            assert command([*given, str(tmp_path / place)]) == 2
+            assert "No space left on device" in capsys.readouterr().err
+    assert {path.name for path in tmp_path.iterdir()} == {name, f"link_{name}"}
+    assert (tmp_path / name).read_text() == "earlier"
+    assert command([*given, str(tmp_path / f"link_{name}")]) == 0
+    assert (tmp_path / f"link_{name}").is_symlink()
+    assert (tmp_path / name).read_text() != "earlier"
