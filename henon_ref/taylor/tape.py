@@ -16,7 +16,7 @@ from functools import reduce
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.expressions.traversal import fraction, size
+from henon_ref.expressions.traversal import fraction, product, size
 from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
 
 TIME = sp.Symbol("t", real=True)
@@ -185,7 +185,7 @@ class _Builder:
         if e.is_Mul:
             constant = [f for f in e.args if self._is_constant(f)]
             rest = [f for f in e.args if not self._is_constant(f)]
-            return (_product_of(constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # args are sorted
+            return (product(constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # args are sorted
         return (e, sp.S.One) if self._is_constant(e) else (sp.S.One, e)
 
     def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
@@ -197,7 +197,7 @@ class _Builder:
         moving: list[tuple[sp.Expr, sp.Expr]] = []
         for term in terms:
             own, rest = self._split(term)
-            c = _product_of([part for part in (factor, own) if part is not sp.S.One])
+            c = product([part for part in (factor, own) if part is not sp.S.One])
             if rest is sp.S.One:
                 constant = c if constant is sp.S.Zero else constant + c
             elif rest.is_Add and rest not in self.repeated:
@@ -225,8 +225,7 @@ class _Builder:
             return self.node(e)
         numerator, denominator = _quotient(e)
         if denominator is not sp.S.One and self._is_constant(numerator):
-            constant = factor if numerator is sp.S.One else factor * numerator
-            return self._op("recip", self.node(denominator), constants=(constant,))
+            return self._op("recip", self.node(denominator), constants=(factor * numerator,))
         return self._op("scale", self.node(e), constants=(factor,))
 
     def _product(self, e: sp.Expr) -> int:
@@ -340,12 +339,7 @@ def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
 def _quotient(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
     """Numerator and denominator as written."""
     above, below = fraction(e)
-    return (_product_of(above), _product_of(below)) if below else (e, sp.S.One)
-
-
-def _product_of(factors: Sequence[sp.Expr]) -> sp.Expr:
-    """Product; a single factor is returned as it is."""
-    return factors[0] if len(factors) == 1 else sp.Mul(*factors)
+    return (product(above), product(below)) if below else (e, sp.S.One)
 
 
 def _holds(expression: sp.Basic, known: dict[sp.Basic, bool]) -> bool:
