@@ -6,7 +6,7 @@ another library, text) gives one rule per kind; the fold visits every subexpress
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -80,6 +80,11 @@ def fraction(e: sp.Expr) -> tuple[list[sp.Expr], list[sp.Expr]]:
         else:
             above.append(factor)
     return above, below
+
+
+def product(factors: Sequence[sp.Expr]) -> sp.Expr:
+    """Product; a single factor is returned as it is, without SymPy's work for a new product."""
+    return factors[0] if len(factors) == 1 else sp.Mul(*factors)
 
 
 def size(expression: sp.Expr, limit: int) -> int:

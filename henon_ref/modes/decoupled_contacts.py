@@ -193,9 +193,8 @@ def switched_equations(system: SwitchedField) -> SwitchedEquations | None:
     """Return one set of equations for all modes; None if the surfaces act on each other or on several rates."""
     contacts: list[Contact | None] = []
     acting = acting_rows(system)
-    places = {x: row for row, x in enumerate(system.states)}
     for i in range(len(system.surfaces)):
-        contact = _contact(system, i, acting[system.signs[i]], places)
+        contact = _contact(system, i, acting[system.signs[i]])
         if contact is None and not is_crossed(system, i, acting[system.signs[i]]):
             return None
         contacts.append(contact)
@@ -244,11 +243,9 @@ def is_crossed(system: SwitchedField, index: int, acting: Sequence[int]) -> bool
     return not rates or system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
 
 
-def _contact(
-    system: SwitchedField, index: int, acting: Sequence[int], places: Mapping[sp.Symbol, int]
-) -> Contact | None:
-    """Return a surface's part, or None; ``acting``: rows of the field with its sign; ``places``: rows of states."""
-    h, sign = system.surfaces[index], system.signs[index]
+def _contact(system: SwitchedField, index: int, acting: Sequence[int]) -> Contact | None:
+    """Return a surface's part, or None; ``acting``: rows of the field with its sign."""
+    h, sign, places = system.surfaces[index], system.signs[index], system.places
     row = _own_state(h, places)
     if row is None or acting != [row]:
         return None

@@ -111,6 +111,11 @@ class SwitchedField:
     def state_names(self) -> tuple[str, ...]:
         return tuple(symbol.name for symbol in self.states)
 
+    @cached_property
+    def places(self) -> dict[sp.Symbol, int]:
+        """State -> its index."""
+        return {x: row for row, x in enumerate(self.states)}
+
     def numeric(self, expression: sp.Expr) -> sp.Expr:
         """The expression with every parameter replaced by its exact number."""
         return expression.xreplace(dict(self.parameters)) if self.parameters else expression
@@ -122,7 +127,9 @@ class SwitchedField:
     @kept
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
-        return along(self.surfaces[index], self.states, self.field)
+        h = self.surfaces[index]
+        rows = sorted(self.places[x] for x in h.free_symbols & self.places.keys())
+        return along(h, tuple(self.states[row] for row in rows), tuple(self.field[row] for row in rows))
 
     def constant_slope(self, surface: sp.Expr, state: sp.Symbol) -> sp.Expr | None:
         """Return the factor of a state in a surface if it is constant (no time, no states) and not zero; else None."""

@@ -16,7 +16,7 @@ from functools import reduce
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.expressions.traversal import fraction, size
+from henon_ref.expressions.traversal import fraction, product, size
 from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
 
 TIME = sp.Symbol("t", real=True)
@@ -185,24 +185,24 @@ class _Builder:
         if e.is_Mul:
             constant = [f for f in e.args if self._is_constant(f)]
             rest = [f for f in e.args if not self._is_constant(f)]
-            return (sp.Mul(*constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # args are sorted
-        return (e, sp.Integer(1)) if self._is_constant(e) else (sp.Integer(1), e)
+            return (product(constant), sp.Mul._from_args(rest)) if constant else (sp.S.One, e)  # args are sorted
+        return (e, sp.S.One) if self._is_constant(e) else (sp.S.One, e)
 
     def _terms(self, terms: Iterable[sp.Expr], factor: sp.Expr) -> tuple[sp.Expr, list[tuple[sp.Expr, sp.Expr]]]:
         """(constant part, [(factor, moving part)]), with the constant factors of nested sums multiplied in.
 
         A sum that occurs elsewhere too is not expanded but kept as one node.
         """
-        constant: sp.Expr = sp.Integer(0)
+        constant: sp.Expr = sp.S.Zero
         moving: list[tuple[sp.Expr, sp.Expr]] = []
         for term in terms:
             own, rest = self._split(term)
-            c = own if factor is sp.S.One else factor * own
-            if rest == 1:
-                constant += c
+            c = product([part for part in (factor, own) if part is not sp.S.One])
+            if rest is sp.S.One:
+                constant = c if constant is sp.S.Zero else constant + c
             elif rest.is_Add and rest not in self.repeated:
                 inner_constant, inner = self._terms(rest.args, c)
-                constant += inner_constant
+                constant = constant if inner_constant is sp.S.Zero else constant + inner_constant
                 moving += inner
             else:
                 moving.append((c, rest))
@@ -216,15 +216,15 @@ class _Builder:
         for c, e in others:
             negative = c.could_extract_minus_sign()
             total = self._op("sub" if negative else "add", total, self._scaled(-c if negative else c, e))
-        if constant != 0:
+        if constant is not sp.S.Zero:
             total = self._op("shift", total, constants=(constant,))
         return total
 
     def _scaled(self, factor: sp.Expr, e: sp.Expr) -> int:
-        if factor == 1:
+        if factor is sp.S.One:
             return self.node(e)
         numerator, denominator = _quotient(e)
-        if self._is_constant(numerator) and denominator != 1:
+        if denominator is not sp.S.One and self._is_constant(numerator):
             return self._op("recip", self.node(denominator), constants=(factor * numerator,))
         return self._op("scale", self.node(e), constants=(factor,))
 
@@ -232,10 +232,10 @@ class _Builder:
         factor, rest = self._split(e)
         if rest.is_Add and rest not in self.repeated:
             return self._sum(rest.args, factor)
-        if factor != 1:
+        if factor is not sp.S.One:
             return self._scaled(factor, rest)
         numerator, denominator = _quotient(rest)
-        if denominator != 1:
+        if denominator is not sp.S.One:
             below = self.node(denominator)
             if self._is_constant(numerator):
                 return self._op("recip", below, constants=(numerator,))
@@ -339,7 +339,7 @@ def _repeated(expressions: Iterable[sp.Expr]) -> frozenset[sp.Expr]:
 def _quotient(e: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
     """Numerator and denominator as written."""
     above, below = fraction(e)
-    return (sp.Mul(*above), sp.Mul(*below)) if below else (e, sp.S.One)
+    return (product(above), product(below)) if below else (e, sp.S.One)
 
 
 def _holds(expression: sp.Basic, known: dict[sp.Basic, bool]) -> bool:
