@@ -12,6 +12,7 @@ from flint import arb, ctx
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.kernel.shared import doubles, ffi
+from henon_ref.taylor.llvm import rounding
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.rounding import UNDERFLOW, rounding_ir
 from henon_ref.taylor.tape import build_tape
@@ -84,3 +85,13 @@ def test_underflow_alone_is_what_it_may_be_times_what_follows() -> None:
     assert bounds[0] == pytest.approx(1e250 * 1e-100 * UNDERFLOW, rel=3)
     assert bounds[1] == pytest.approx(UNDERFLOW / 1e-200, rel=3)
     assert bounds[2] == pytest.approx(UNDERFLOW / 1e-100, rel=3)
+
+
+def test_a_long_function_in_parts_gives_the_same_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = random.Random(7)
+    outputs = [random_expression(rng, 3) * X for _ in range(7)]
+    _, whole = values(outputs, (0.7, -1.3), 2 * HALF_UNIT)
+    monkeypatch.setattr(rounding, "MOST_LINES", 0)
+    monkeypatch.setattr(rounding, "ROWS", 4)
+    assert "@rounding.8(" in rounding_ir(build_tape(STATES, [sp.Integer(0)] * 2, outputs), 2, "rounding")
+    assert values(outputs, (0.7, -1.3), 2 * HALF_UNIT)[1] == whole

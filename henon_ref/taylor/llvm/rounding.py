@@ -6,6 +6,9 @@ first-order bound of its error; every operation adds its own rounding error to t
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 from henon_ref.jit.ir_writer import MINUS, ONE, ZERO, IRWriter, literal
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.expansion import Expansion, function_ir
@@ -14,6 +17,12 @@ from henon_ref.taylor.tape import Node, Tape
 
 UNDERFLOW = 2.0**-1022
 """Largest error of an operation by underflow: a number below the smallest normal double may be lost."""
+MOST_LINES = 5000
+"""Number of instructions above which the function is divided: the time to compile one grows with their square."""
+ROWS = 50
+"""Number of results of each part of a divided function."""
+PASSED = "double %t_hi, double %t_lo, double %unit, ptr %x, ptr %K, ptr %C"
+_NAME, _DEFINED = re.compile(r"%v\d+"), re.compile(r"  (%v\d+) = ")
 
 
 def rounding_ir(tape: Tape, states: int, name: str) -> str:
@@ -33,7 +42,36 @@ def rounding_ir(tape: Tape, states: int, name: str) -> str:
     found += [errors.of_form(target, given=True) for target in expansion.forms.outputs]
     for place, value in enumerate(found):
         w.store(value, "%C", place)
-    return function_ir(w, name)
+    return function_ir(w, name) if len(w.lines) <= MOST_LINES else _divided(w.lines, name)
+
+
+def _divided(lines: Sequence[str], name: str) -> str:
+    """LLVM IR of a function that calls others, each of which stores some results and computes what these depend on."""
+    units: list[list[str]] = []
+    """Instructions; a choice between two branches is one, from its condition to the values chosen."""
+    labels = 0
+    for line in lines:
+        if labels or " = phi " in line:
+            units[-1].append(line)
+            labels -= line.endswith(":")
+        else:
+            units.append([line])
+            labels = 3 if line.startswith("  br ") else 0
+    defined = {found[1]: at for at, unit in enumerate(units) for line in unit if (found := _DEFINED.match(line))}
+    stores = [at for at, unit in enumerate(units) if unit[0].startswith("  store ")]
+    whole, texts = IRWriter(), []
+    for first in range(0, len(stores), ROWS):
+        needed, open_ends = set[int](), stores[first : first + ROWS]
+        while open_ends:
+            if (at := open_ends.pop()) not in needed:
+                needed.add(at)
+                read = _NAME.findall("\n".join(units[at]))
+                open_ends += [defined[value] for value in read if value in defined]
+        part = IRWriter()
+        part.lines = [line for at in sorted(needed) for line in units[at]]
+        texts.append(function_ir(part, f"{name}.{first}"))
+        whole.lines.append(f"  call void @{name}.{first}({PASSED})")
+    return "".join([*texts, function_ir(whole, name)])
 
 
 class _Errors:
