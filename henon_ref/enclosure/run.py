@@ -32,7 +32,7 @@ MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
 SHORTEST = 2.0**-100
 """Shortest step as a part of the run; a shorter step indicates a singularity or accumulating events."""
-EARLY, FAR = 0.1, 0.01
+EARLY, FAR = 0.1, 0.02
 """A proof is stopped if after the part ``EARLY`` of its time it has covered less than the part ``FAR`` of the run."""
 
 CROWD, CROWDED = 16, 1e-9
