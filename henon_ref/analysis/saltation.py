@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
 from henon_ref.integrator.run import Jumped
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import impact_of, jump_of
-from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition
@@ -84,7 +84,7 @@ class TangentSpace:
         ]
         return trace - (inverse * normals * sp.Matrix(along_normals).T).trace()
 
-    @kept
+    @cached_method
     def _gradients_in(self, sliding: frozenset[int]) -> list[list[sp.Expr]]:
         """Linearly independent gradients of sliding surfaces and of the speeds of bodies at rest."""
         system = self.system
@@ -97,7 +97,7 @@ class TangentSpace:
                     found.append(row)
         return found
 
-    @kept
+    @cached_method
     def _normals_in(self, sliding: frozenset[int]) -> Callable[..., list[list[float]]]:
         made = sp.lambdify([TIME, *self.system.states], self._gradients_in(sliding), "math", cse=True)
         return cast(Callable[..., list[list[float]]], made)
@@ -206,22 +206,22 @@ class Saltation:
         value, rate, *gradient = self._guard(expression)(transition.time, *transition.state)
         return value / (abs(rate) + sum(map(abs, gradient)) + 1e-300)
 
-    @kept
+    @cached_method
     def _field(self, mode: Mode) -> _Function:
         return self._lambdified(self.system.equations(mode).field)
 
-    @kept
+    @cached_method
     def _guard(self, g: sp.Expr) -> _Function:
         """Value, rate of change in time, and gradient."""
         return self._lambdified([g, *(sp.diff(g, x) for x in (TIME, *self.system.states))])
 
-    @kept
+    @cached_method
     def _values_and_slopes(self, index: int) -> _Function:
         """Map of a surface, then its derivatives by time and states, row by row."""
         values = jump_of(self.system, index).states
         return self._lambdified([*values, *(sp.diff(v, x) for v in values for x in (TIME, *self.system.states))])
 
-    @kept
+    @cached_method
     def _pushes_and_gradients(self, mode: Mode, index: int) -> _Function:
         """Columns of A, then rows of C (:meth:`of_limit`)."""
         system, impact = self.system, impact_of(self.system, index)

@@ -34,10 +34,11 @@ from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import ModeEquations
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.switched_field import SwitchedField, kept
+from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory, Transition
 
@@ -83,7 +84,7 @@ class AugmentedSystem(FilippovSystem):
         """None: a sliding contact of the base also changes the rates of the tangent vectors."""
         return None
 
-    @kept
+    @cached_method
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """See :meth:`FilippovSystem.shared_equations`."""
         base = cast(FilippovSystem, self.base)

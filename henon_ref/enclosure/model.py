@@ -12,10 +12,10 @@ from flint import arb
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.tape import Program
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import impact_of, settled_state
-from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
@@ -130,12 +130,12 @@ class SystemModel:
         """Values of the symbols at a point or over a box in (t, x)."""
         return dict(zip(self.symbols, box, strict=True))
 
-    @kept
+    @cached_method
     def mode(self, mode: Mode) -> ModeModel:
         """Return the model of a mode; raise ModelError if the mode has no equations."""
         return ModeModel(self.system, mode)
 
-    @kept
+    @cached_method
     def solved(self, surfaces: tuple[int, ...]) -> list[SolvedState]:
         """Return the states that are determined exactly while these surfaces are zero."""
         return solve_for_states([self.surfaces[i] for i in surfaces], self.system.states)

@@ -15,7 +15,7 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.enclosure.balls import enclose
-from henon_ref.modes.switched_field import kept
+from henon_ref.method_cache import cached_method
 from henon_ref.taylor.rules import (
     ARGUMENT,
     RULES,
@@ -59,7 +59,7 @@ class Program:
         places = {o.args[0]: i for i, o in enumerate(self.operations) if o.op == "state"}
         self.states = tuple(places[i] for i in range(len(self.field)))
 
-    @kept
+    @cached_method
     def numbers(self, bits: int) -> list[arb]:
         """Constants at a precision, which must be the working precision."""
         return [enclose(e) for e in self.expressions]

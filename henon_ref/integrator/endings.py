@@ -18,8 +18,8 @@ from flint import arb, arb_poly
 from numpy.typing import NDArray
 
 from henon_ref.integrator.precise_modes import PreciseModes, split
+from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import Reason
 from henon_ref.kernel.shared import EPS, LEVELS, kernel
 from henon_ref.modes.decision import ended, explained, several
 from henon_ref.modes.equations import Guard

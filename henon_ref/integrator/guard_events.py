@@ -33,10 +33,6 @@ DECIDED_STEEPNESS = 1e-5
 """Relative slope above which double precision decides a root."""
 CLEAR_LEVEL = 1e-9
 """A guard has no event if the bound from the sizes of its terms stays above this part of its size."""
-EQUAL = 1e-13
-"""Relative difference within which a force counts as equal to the friction (as in the compiled loop)."""
-HELD_TOLERANCES = 10
-"""Number of tolerances by which a constant held load exceeds its limit at most (as in the compiled loop)."""
 
 
 @dataclass(frozen=True)
@@ -151,13 +147,13 @@ def load_equals_friction(
     ends = [g for g, end in enumerate(guards) if end.kind == "release" and end.index == guard.index]
     friction = sum(float(outputs[end][0]) for end in ends)
     first, *rest = (abs(float(c)) for c in outputs[own])
-    if guard.held and not first <= (EQUAL + HELD_TOLERANCES * tolerance) * friction:
+    if guard.held and not first <= (LEVELS.equal_part + LEVELS.held_tolerances * tolerance) * friction:
         return False
     size, power = (0.0 if guard.held else first), 1.0
     for c in rest:
         power = min(power * longer, 1e300)
         size += c * power
-    return size <= EQUAL * friction
+    return bool(size <= LEVELS.equal_part * friction)
 
 
 def is_clear(series: Sequence[arb], guard: Guard, place: int) -> bool:

@@ -14,8 +14,8 @@ from henon_ref.integrator.endings import ending_of, pass_branch_point, range_end
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseMotion, split
 from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES, written
+from henon_ref.integrator.run_result import KINDS, Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import KINDS, Reason
 from henon_ref.kernel.shared import LEVELS, kernel
 from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.decision import Decision

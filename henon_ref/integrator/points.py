@@ -22,8 +22,8 @@ from henon_ref.integrator.records import (
     written,
 )
 from henon_ref.integrator.run import Run
+from henon_ref.integrator.run_result import numbered_rows
 from henon_ref.integrator.start import Start, out_of_steps, row_at_start, run_template
-from henon_ref.integrator.transition_array import numbered_rows
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Status, Trajectory

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import Integrator, local_error, order_for
 from henon_ref.integrator.records import CHUNK, HENON, STEP_PLACES, Workspace, numbered, step_dtype, words_of
+from henon_ref.integrator.run_result import Reason, RunResult, TransitionArray, shown
 from henon_ref.integrator.start import NO_LIMIT, Start, out_of_steps
 from henon_ref.integrator.state_view import State
-from henon_ref.integrator.transition_array import Reason, RunResult, TransitionArray, shown
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import doubles, ffi, kernel
 from henon_ref.modes.kinks import HiddenKinks

@@ -47,5 +47,7 @@ HENON_EXPORT struct levels levels(void)
         .accurate = ACCURATE,
         .clearance = CLEARANCE,
         .no_account = NO_ACCOUNT,
+        .equal_part = EQUAL_PART,
+        .held_tolerances = HELD_TOLERANCES,
     };
 }

@@ -344,6 +344,8 @@ struct levels {
     double accurate;         /* largest relative error of a constant */
     double clearance;        /* a touch is no larger than this multiple of the noise */
     double no_account;       /* smaller absolute errors are negligible */
+    double equal_part;       /* a force that differs from the friction by no more than this part of it equals it */
+    double held_tolerances;  /* a constant held load exceeds its limit by no more than this many tolerances */
 };
 
 HENON_EXPORT struct levels levels(void);

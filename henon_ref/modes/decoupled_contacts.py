@@ -22,9 +22,10 @@ import sympy as sp
 
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.expressions.bounds import put
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import Guard, ModeEquations, by_pattern
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.switched_field import SwitchedField, kept
+from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 
 Entries = tuple[Mapping[sp.Symbol, sp.Expr], ...]
@@ -175,13 +176,13 @@ class SwitchedEquations:
         owner = self.owner
         return tuple(tuple(sorted({owner[s] for s in rate.free_symbols & owner.keys()})) for rate in self.field)
 
-    @kept
+    @cached_method
     def _rate(self, row: int, entries: Mode) -> sp.Expr:
         """Return a row of the field, given the entries of the surfaces that act on it."""
         pairs = zip(self._acting[row], entries, strict=True)
         return put(self.field[row], {s: value for i, entry in pairs for s, value in self.entries[i][entry + 1].items()})
 
-    @kept
+    @cached_method
     def _equivalent_sign(self, index: int, sides: Mode) -> sp.Expr:
         contact = self.contacts[index]
         assert contact is not None  # something slides on the surface

@@ -16,10 +16,10 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.series import expand
@@ -115,7 +115,7 @@ class ModeEvaluation:
     def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> TapePoint:
         return self.at(self.arithmetic.number(start), [self.arithmetic.number(v) for v in initial])
 
-    @kept
+    @cached_method
     def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
         """Return the guards, tape and constants of a mode; None if it has no equations."""
         with one_at_a_time():
@@ -158,7 +158,7 @@ class ModeEvaluation:
             numbers.append(self._numbers[key])
         return made.own_guards(mode), replace(shared.tape, outputs=own), numbers
 
-    @kept
+    @cached_method
     def of_states_and_signs(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
         """Return (t, *x, *signs) -> values of expressions."""
         with one_at_a_time():
@@ -168,7 +168,7 @@ class ModeEvaluation:
         """Return (t, *x, *signs) -> dh/dt of a surface in a mode."""
         return self._normal(index, tuple(mode[i] for i in acting_on(self.system, index)))
 
-    @kept
+    @cached_method
     def _normal(self, index: int, entries: Mode) -> Callable[..., list[Any]]:
         with one_at_a_time():
             return self.of_states_and_signs((normal_in(self.system, index, entries),))
@@ -198,7 +198,7 @@ class TapePoint:
             self.series(mode)
         return guards
 
-    @kept
+    @cached_method
     def series(self, mode: Mode) -> tuple[list[list[Any]], float]:
         """Return the Taylor coefficients of a mode's guards, and a rate that makes them comparable."""
         states, outputs = self._expanded(mode, ORDER)
@@ -215,7 +215,7 @@ class TapePoint:
         ends = [c for g, c in zip(guards, outputs, strict=True) if g.kind == "release" and g.index == index]
         return _term(outputs[place], self.arithmetic.end_of_hold(outputs[place], ends, rate, zero))
 
-    @kept
+    @cached_method
     def first_order(self, mode: Mode) -> list[list[Any]]:
         return self._expanded(mode, 1)[1]
 
@@ -223,7 +223,7 @@ class TapePoint:
         below, above = (self._speed(index, replaced(mode, index, side)) for side in (-1, 1))
         return below, above
 
-    @kept
+    @cached_method
     def _speed(self, index: int, mode: Mode) -> Any:
         return self._modes.normal(index, mode)(self._t, *self._x, *mode)[0]
 

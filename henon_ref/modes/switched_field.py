@@ -5,38 +5,24 @@ An override replaces Filippov's sliding, a reset is a jump of the state. :mod:`h
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field as dataclass_field
-from functools import cached_property, wraps
-from typing import Any, Literal, TypeVar, cast
+from functools import cached_property
+from typing import Literal
 
 import sympy as sp
 
 from henon_ref.expressions.algebra import MAX_DERIVED, coefficients, up_to_a_number
 from henon_ref.expressions.bounds import put
 from henon_ref.expressions.traversal import size
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.taylor.tape import TIME
 
 AGREE = sp.Float("1e-25")
 """Relative difference up to which two sampled values agree."""
-Method = TypeVar("Method", bound=Callable[..., Any])
-
-
-def kept(method: Method) -> Method:
-    """Decorate a method so that each object caches its results, by positional arguments."""
-
-    @wraps(method)
-    def of(self: Any, *arguments: Hashable) -> Any:
-        known: dict[Hashable, Any] = self.__dict__.setdefault("_kept", {})
-        key = method.__qualname__, arguments
-        if key not in known:
-            known[key] = method(self, *arguments)
-        return known[key]
-
-    return cast(Method, of)
 
 
 @dataclass(frozen=True)
@@ -124,7 +110,7 @@ class SwitchedField:
         """Signs of the surfaces in slip, as a substitution."""
         return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
 
-    @kept
+    @cached_method
     def normal_velocity(self, index: int) -> sp.Expr:
         """dh_i/dt along f, in time, states, signs and parameters."""
         h = self.surfaces[index]
@@ -155,7 +141,7 @@ class SwitchedField:
         """Check whether a body can rest on this surface, which resets the state."""
         return index in self.overrides and self.overrides[index].entry == "resting"
 
-    @kept
+    @cached_method
     def hold_guards(self, index: int, mode: Mode = ()) -> tuple[Guard, ...]:
         """Return the release guards of a surface's override; its hold zone is the set on which all are positive.
 

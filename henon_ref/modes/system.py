@@ -19,11 +19,12 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import has_no_value, leaves_out
 from henon_ref.expressions.bounds import put
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.contact_loops import closed, relations
 from henon_ref.modes.equations import Guard, ModeEquations, Refusal
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.sliding import filippov_sliding
-from henon_ref.modes.switched_field import SwitchedField, kept
+from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
 
@@ -59,7 +60,7 @@ class FilippovSystem(SwitchedField):
         """Return the equations of one mode, with the signs of surfaces in slip replaced by -1 or +1."""
         return self.shared.equations(mode) if self.shared is not None else self._equations(mode)
 
-    @kept
+    @cached_method
     def _equations(self, mode: Mode) -> ModeEquations:
         with one_at_a_time():
             shared = self.shared_equations(frozenset(i for i, s in enumerate(mode) if s == 0))
@@ -82,7 +83,7 @@ class FilippovSystem(SwitchedField):
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         return self.switched.own_guards(mode) if self.switched is not None else self.equations(mode).guards
 
-    @kept
+    @cached_method
     def hides(self, index: int, mode: Mode) -> bool:
         """Check whether the sign of a surface in slip is in no field, other guard or section of a mode."""
         if not mode[index]:
@@ -97,7 +98,7 @@ class FilippovSystem(SwitchedField):
         guards = [guard.expression for guard in shared.guards if guard.index != index or guard.kind != "surface"]
         return not any(put(e, slip).has(self.signs[index]) for e in (*shared.field, *guards, *self.sections))
 
-    @kept
+    @cached_method
     def _hides_in_all(self, index: int, sides: Mode) -> bool:
         """Apply :meth:`hides` to the shared equations, given the sides of the surfaces on which nothing slides."""
         made = self.switched
@@ -109,7 +110,7 @@ class FilippovSystem(SwitchedField):
         written = (*made.field, *(e for _, e in made.definitions), *guards, *self.sections)
         return not any(put(e, slip).has(self.signs[index]) for e in written)
 
-    @kept
+    @cached_method
     def unused_kinks(self, mode: Mode) -> frozenset[int]:
         """Return the kinks without effect in a mode that are undecided (``open_kinks``) or have no real value in it."""
         positive = [s * self.numeric(h) for h, s in zip(self.surfaces, mode, strict=True) if s and self.kinks]
@@ -126,7 +127,7 @@ class FilippovSystem(SwitchedField):
         ends: Refusal | None = None if unused <= self.unused_kinks(beyond) else "none"
         return replace(guard, to_sign=beyond[guard.index], expression=put(guard.expression, slip), ends=ends)
 
-    @kept
+    @cached_method
     def common_equations(self, mode: Mode) -> tuple[Mode | frozenset[int], ModeEquations]:
         """Return the equations that a mode shares with other modes, with their key.
 
@@ -168,7 +169,7 @@ class FilippovSystem(SwitchedField):
         """:attr:`switched` if its contacts do not act on each other, so that it gives a mode's own equations."""
         return None if self.switched is None or self.switched.coupled else self.switched
 
-    @kept
+    @cached_method
     def shared_equations(self, sliding: frozenset[int]) -> ModeEquations:
         """Return the equations that all modes with this set of sliding surfaces share, with symbols for slip signs.
 
@@ -214,7 +215,7 @@ class FilippovSystem(SwitchedField):
         held = {i for i, own in self.overrides.items() if self.held_inside(i) and own.push}
         return self.resting | {i for i in held if self.signs[i] not in acting}
 
-    @kept
+    @cached_method
     def with_reactions(self, surfaces: frozenset[int]) -> SwitchedField:
         """Return the field with the forces of these surfaces' contacts as their signs.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from henon_ref.atomic_write import replace_file
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
-from henon_ref.integrator.transition_array import KINDS, TransitionArray
+from henon_ref.integrator.run_result import KINDS, TransitionArray
 from henon_ref.simulation.system import System
 from henon_ref.system.python_values import tree_of
 from henon_ref.system.tree import MappingNode, as_written

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.integrator.transition_array import KINDS, TransitionArray
+from henon_ref.integrator.run_result import KINDS, TransitionArray
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME

@@ -19,7 +19,7 @@ from henon_ref.integrator.jump_code import jump_code
 from henon_ref.integrator.points import Keep, PointRuns
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.transition_array import KINDS
+from henon_ref.integrator.run_result import KINDS
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import with_resting
 from henon_ref.modes.switched_field import Reset

@@ -21,7 +21,7 @@ from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.points import Keep, PointRuns
 from henon_ref.integrator.records import CROSSING, HENON, LANDINGS, RELEASED, STICK
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.transition_array import KINDS
+from henon_ref.integrator.run_result import KINDS
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory

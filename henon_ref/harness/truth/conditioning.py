@@ -40,11 +40,11 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
 from henon_ref.harness.truth.reference import ReferenceTransition, instants
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, jump_of, turning_in_flight
-from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -242,7 +242,7 @@ class _Variations:
             drift, matrix, state = found[:, 1:] @ drift + found[:, 0], found[:, 1:] @ matrix, after
         return drift, matrix
 
-    @kept
+    @cached_method
     def _jump(self, surface: int) -> Callable[..., Any]:
         """Function of (t, states): the state after a jump, and its derivatives by time and states."""
         values = [self.system.numeric(value) for value in jump_of(self.system, surface).states]
@@ -281,7 +281,7 @@ class _Variations:
         """None if all modes share their equations."""
         return mode if self._shared is None else None
 
-    @kept
+    @cached_method
     def _functions(self, key: Mode | None) -> tuple[Callable[..., Any], Callable[..., Any], csr_array]:
         """Functions of (t, states, switches) of a mode.
 

@@ -14,10 +14,10 @@ from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision import series
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, Leading
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.switched_field import kept
 from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
@@ -64,7 +64,7 @@ class SeriesEvaluation:
         rates, found = map(self._numeric, field), map(self._numeric, outputs)
         return series.along(list(rates), list(found), self.system.states, t, x, bits=self.bits, order=order)
 
-    @kept
+    @cached_method
     def _numeric(self, expression: sp.Expr) -> sp.Expr:
         """The expression with numbers for the parameters."""
         return self.system.numeric(expression)
@@ -89,7 +89,7 @@ class Point:
         """Time as written in messages."""
         return str(self.time.str(17, radius=False))
 
-    @kept
+    @cached_method
     def series(self, mode: Mode, order: int) -> list[list[arb]]:
         """Taylor coefficients of a mode's guards; ZeroDivisionError or ValueError if they are not finite."""
         found = self._modes.guard_series(mode, self.time, self.state, order)

@@ -92,6 +92,10 @@ def _runs(
         if progress is not None:
             progress(done / 2 if apart is None else done)
 
+    def second_half(done: float) -> None:
+        if progress is not None:
+            progress((1.0 + done) / 2)
+
     with ThreadPoolExecutor(1) as thread:
         try:
             first = simulate(problem, pair[0], progress=shown, seconds=limits[0])
@@ -99,12 +103,8 @@ def _runs(
         finally:  # after an interrupt, too, no worker is left
             ended.set()
     if second is None:
-        second = simulate(problem, pair[1], progress=_second_half(progress), seconds=limits[1])
+        second = simulate(problem, pair[1], progress=second_half, seconds=limits[1])
     return first, second
-
-
-def _second_half(progress: Progress | None) -> Progress | None:
-    return None if progress is None else lambda done: progress((1 + done) / 2)
 
 
 def _by_worker(problem: Problem, bits: int, seconds: float, ended: Event) -> Run | None:
@@ -112,7 +112,7 @@ def _by_worker(problem: Problem, bits: int, seconds: float, ended: Event) -> Run
     results: list[Run | Failure] = []
 
     def jobs() -> Jobs:
-        results.append((yield Job(run_apart, (problem, bits, seconds), math.inf)))
+        results.append((yield Job(simulation_job, (problem, bits, seconds), math.inf)))
 
     pool = WorkerPool(workers=1, modules=[__name__])
     pool.add("truth", jobs())
@@ -131,8 +131,8 @@ def _by_worker(problem: Problem, bits: int, seconds: float, ended: Event) -> Run
     return found
 
 
-def run_apart(_: WorkerState, problem: Problem, bits: int, seconds: float) -> Run:
-    """Job: run a problem; the reply has the balls of the result."""
+def simulation_job(_: WorkerState, problem: Problem, bits: int, seconds: float) -> Run:
+    """Run a problem at one precision, in a worker."""
     copyreg.pickle(arb, _parts_of_ball)
     return simulate(problem, bits, seconds=seconds)
 

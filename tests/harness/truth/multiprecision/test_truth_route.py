@@ -96,7 +96,7 @@ def wait(state: WorkerState, *given: object) -> str:
 def test_without_an_answer_of_the_second_process_the_first_does_both_runs(
     shared: list[tuple[int, Run | None]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(multiprecision, "run_apart", die)
+    monkeypatch.setattr(multiprecision, "simulation_job", die)
     found = route(systems.free_coulomb())
     assert shared == [(224, None)]
     assert found.bits == (256, 224)
@@ -109,7 +109,7 @@ def test_an_interrupt_ends_the_second_process(
     def interrupted(done: float) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(multiprecision, "run_apart", wait)
+    monkeypatch.setattr(multiprecision, "simulation_job", wait)
     with pytest.raises(KeyboardInterrupt):
         route(systems.free_coulomb(), progress=interrupted)
     assert shared == [(224, None)]
