@@ -151,7 +151,7 @@ def told_both_ways(system: FilippovSystem, until: int) -> list[tuple[str, int, M
 
 def derived(system: FilippovSystem) -> bool:
     """Whether equations of single modes have been made."""
-    return any(method.endswith("shared_equations") for method, _ in vars(system).get("_kept", ()))
+    return any(method.endswith("shared_equations") for method, _ in vars(system).get("_cached_results", ()))
 
 
 @pytest.mark.parametrize("name", daily(["stack", "clutches"], some=["clutches"]))
