@@ -33,7 +33,9 @@ MAX_STEPS = 400_000
 SHORTEST = 2.0**-100
 """Shortest step as a part of the run; a shorter step indicates a singularity or accumulating events."""
 EARLY, FAR = 0.1, 0.02
-"""A proof is stopped if after the part ``EARLY`` of its time it has covered less than the part ``FAR`` of the run."""
+"""A proof is stopped early if its steps after the first take the part ``EARLY`` of the time left then and cover less
+than the part ``FAR`` of the run: a fifth of the necessary pace. The time before the end of the first step, in which the
+equations are prepared, depends on the system and the machine and does not count."""
 
 CROWD, CROWDED = 16, 1e-9
 """Events count as accumulating if ``CROWD`` of them are within the part ``CROWDED`` of the run."""
@@ -97,7 +99,8 @@ def certify(
         Required radius of every transition time [s].
     progress : callable, optional
     deadline : float, optional
-        Time limit [s of wall time], after which the run stops with ``ended = "budget"`` and the part proven so far.
+        Limit of the whole time [s of wall time], after which the run stops with ``ended = "budget"`` and the part
+        proven so far. The run also stops so if the pace of its steps after the first is far too low (:data:`FAR`).
 
     Returns
     -------
@@ -147,7 +150,6 @@ class _Attempt:
         self, model: SystemModel, problem: Problem, bits: int, progress: Progress | None, until: float | None
     ) -> None:
         self.model, self.problem, self.bits, self.progress, self.until = model, problem, bits, progress, until
-        self.allowed = 0.0 if until is None else until - clock.monotonic()
         self.transitions: list[EnclosedTransition] = []
         numeric = problem.system.numeric
         self.horizon = enclose(numeric(problem.until))
@@ -174,6 +176,7 @@ class _Attempt:
         """Propagate to the horizon; return why it was not reached, or an empty text."""
         begin = self.start[0].mid()
         length = float(self.horizon - begin)
+        first: tuple[float, float] | None = None  # time left [s] and time covered [s] at the end of the first step
         while True:
             before = flow.points.centre[0]
             hit = flow.step(self.horizon)
@@ -189,10 +192,12 @@ class _Attempt:
                 return f"stopped after {MAX_TRANSITIONS} transitions, at {at}"
             if flow.steps >= MAX_STEPS or float(now - before) < SHORTEST * max(passed, length):
                 return f"steps become too short at {at}: the solution runs into a singularity"
-            if self.until is not None and (left := self.until - clock.monotonic()) < (1 - EARLY) * self.allowed:
+            if self.until is not None:
+                left = self.until - clock.monotonic()
                 if left < 0:
                     return f"the deadline passed at {at}"
-                if passed < FAR * length:
+                first = first or (left, passed)
+                if left < (1 - EARLY) * first[0] and passed - first[1] < FAR * length:
                     return f"the deadline would pass before the end, at the pace up to {at}"
 
     def _crowded(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import sympy as sp
@@ -12,6 +13,8 @@ from flint import arb, ctx
 
 from henon_ref.enclosure import run as enclosed
 from henon_ref.enclosure.balls import enclose
+from henon_ref.enclosure.event import Hit
+from henon_ref.enclosure.flow import ValidatedFlow
 from henon_ref.enclosure.run import CertifiedRun, certify
 from henon_ref.modes.problem import Problem
 
@@ -181,6 +184,28 @@ def test_deadline_and_budget_return_what_is_proven(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(enclosed, "MAX_TRANSITIONS", 2)
     few = certify(systems.free_coulomb())
     assert len(few.transitions) == 2
+
+
+@pytest.mark.parametrize(
+    ("first", "later", "reason"), [(59.0, 1e-4, "stopped after 1 transitions"), (0.0, 1.0, "at the pace up to t = ")]
+)
+def test_pace_is_that_of_the_steps_after_the_first(
+    monkeypatch: pytest.MonkeyPatch, first: float, later: float, reason: str
+) -> None:
+    """A minute is allowed: a slow preparation is no reason to stop early, slow steps are one."""
+    now, step = [0.0], ValidatedFlow.step
+
+    def timed(flow: ValidatedFlow, horizon: arb) -> Hit | None:
+        now[0] += later if flow.steps else first
+        return step(flow, horizon)
+
+    monkeypatch.setattr(enclosed, "clock", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(ValidatedFlow, "step", timed)
+    monkeypatch.setattr(enclosed, "MAX_TRANSITIONS", 1)
+    run = certify(systems.fig8("equations", "70"), deadline=60.0)
+    assert run.ended == "budget"
+    assert reason in run.reason
+    assert 6.0 < now[0] < 60.0
 
 
 def test_units_of_a_billionth_change_no_digit(problem: Callable[..., Problem]) -> None:
