@@ -18,14 +18,14 @@ from henon_ref.integrator.constant_program import ConstantProgram, constant_prog
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
-from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING, Arithmetic
+from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, ball_function, guards_and_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.roots.multiprecision import BITS
-from henon_ref.taylor.series import expand
+from henon_ref.taylor.series import BALL, expand
 from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
 
 MOST_ORDER = 320
@@ -182,18 +182,18 @@ class PreciseModes:
             return len(x[0]) > 48 and len(x[0]) % ENDING_ORDERS == 1 and _negligible_tail([*x, *y])
 
         order, end = (degree, None) if degree else (MOST_ORDER, enough)
-        states, outputs = expand(tape, numbers, time, state, order, RING, unit, end)
+        states, outputs = expand(tape, numbers, time, state, order, BALL, unit, end)
         return [arb_poly(series) for series in states], outputs, degree > 0
 
     def motion(
         self, mode: Mode, time: arb, state: Sequence[arb], unit: arb, order: int
     ) -> tuple[list[list[arb]], list[list[arb]]]:
         """Return the Taylor coefficients of states and guards in units of ``unit``, up to an order."""
-        return expand(*self._tape(mode), time, state, order, RING, unit)
+        return expand(*self._tape(mode), time, state, order, BALL, unit)
 
     def guard_values(self, mode: Mode, time: arb, state: Sequence[arb]) -> list[arb]:
         """Evaluate the guards of a mode at a point; NaN if a guard has no value."""
-        return [series[0] for series in expand(*self._tape(mode), time, state, 0, RING)[1]]
+        return [series[0] for series in expand(*self._tape(mode), time, state, 0, BALL)[1]]
 
     def off_surfaces(self, surfaces: Sequence[int], time: arb, state: Sequence[arb]) -> float:
         """Return the distance of a sliding state from its surfaces, which rounding causes."""

@@ -13,11 +13,10 @@ from typing import Any, Protocol
 import sympy as sp
 from flint import arb
 
-from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import CLEAR, Mode
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.series import FLOAT, Ring
+from henon_ref.taylor.series import BALL, FLOAT
 
 NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
 """Exceptions of ``math`` and python-flint for an expression without a finite value."""
@@ -25,7 +24,6 @@ ZERO = 1e-13
 """Relative size below which a derivative counts as zero (doubles cannot resolve a tangency below it)."""
 ORDER = 8
 """Number of derivatives that are computed before a contact counts as one that never separates."""
-RING = Ring({name: getattr(arb, name) for name in FUNCTIONS}, arb.__pow__)
 
 Leading = tuple[int, int]
 """(index, sign) of the first non-zero coefficient of a Taylor series."""
@@ -90,7 +88,7 @@ class Doubles:
 class Balls:
     """Arithmetic of balls of the working precision, whose radii are error bounds."""
 
-    ring = RING
+    ring = BALL
     levels: tuple[float, ...] = (0.0,)
     carries_errors = True
 

@@ -17,12 +17,12 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
+from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, Arithmetic, Leading
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
-from henon_ref.taylor.series import expand
+from henon_ref.taylor.series import BALL, expand
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[ar
     """Return (t, *x) -> values of a tape's outputs."""
 
     def values(t: arb, *x: arb | int) -> list[arb]:
-        return [series[0] for series in expand(tape, constants, t, [arb(v) for v in x], 0, RING)[1]]
+        return [series[0] for series in expand(tape, constants, t, [arb(v) for v in x], 0, BALL)[1]]
 
     return values
 

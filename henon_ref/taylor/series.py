@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from operator import add, mul, sub
 from typing import Any
 
+from flint import arb
+
 from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.taylor.rules import (
     RULES,
@@ -34,6 +36,7 @@ class Ring:
 
 
 FLOAT = Ring({name: getattr(math, name) for name in FUNCTIONS}, math.pow)
+BALL = Ring({name: getattr(arb, name) for name in FUNCTIONS}, arb.__pow__)
 
 
 def expand(
