@@ -15,7 +15,6 @@ from henon_ref.enclosure.return_map import Guess, OrbitError
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -95,7 +94,7 @@ def periodic_orbit(
 
 def _autonomous(problem: Problem, run: Trajectory, late: float, radius: float) -> PeriodicOrbit:
     """Return the orbit of an autonomous system, with the period measured from ``late`` on."""
-    if _depends_on_time(problem.system):
+    if any(e.has(TIME) for e in problem.system.expressions):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
     repeated = measured_period(run.transitions, after=late)
     open_ended = OrbitError(
@@ -154,13 +153,6 @@ def _after_an_event(problem: Problem, pattern: Sequence[Transition]) -> Guess:
         tangent=first.kind == "release" and first.surface not in problem.system.overrides,
         reset=first.kind == "reset",
     )
-
-
-def _depends_on_time(model: FilippovSystem) -> bool:
-    expressions = [*model.field, *model.surfaces, *(f for o in model.overrides.values() for f in o.field)]
-    expressions += [r.when for o in model.overrides.values() for r in o.release]
-    expressions += [value for reset in model.resets.values() for value in reset.map.values()]
-    return any(e.has(TIME) for e in expressions)
 
 
 class Period(NamedTuple):

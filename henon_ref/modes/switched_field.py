@@ -102,6 +102,16 @@ class SwitchedField:
         """State -> its index."""
         return {x: row for row, x in enumerate(self.states)}
 
+    @cached_property
+    def expressions(self) -> tuple[sp.Expr, ...]:
+        """All expressions of the system: each occurs once."""
+        written = [*self.field, *self.surfaces, *self.valid]
+        for override in self.overrides.values():
+            written += [*override.field, *(release.when for release in override.release)]
+        for reset in self.resets.values():
+            written += reset.map.values()
+        return tuple(dict.fromkeys(written))
+
     def numeric(self, expression: sp.Expr) -> sp.Expr:
         """The expression with every parameter replaced by its exact number."""
         return expression.xreplace(dict(self.parameters)) if self.parameters else expression

@@ -218,6 +218,15 @@ def test_a_parameter_in_an_exponent_makes_another_system() -> None:
     assert reached["time_s"].to_numpy() == pytest.approx([1 - 1 / 1.1, 2 * (1.1**0.5 - 1), math.log(1.1)], rel=1e-8)
 
 
+def test_a_parameter_in_an_exponent_of_a_reset_makes_another_system() -> None:
+    """A ball falls from 1 at g = 2 and leaves the ground at t = 1 with the speed 2^p / 4."""
+    ball = System(["x", "v"], {"p": 1}, {"s": "x"}, ["v", "-2"], resets={"s": {"map": {"v": "(-v)**p/4"}}})
+    table = swept(ball, {"x": 1, "v": 0}, 1.25, {"p": [2, 1]}, observe.final_state())
+    runs = [simulate(ball, {"x": 1, "v": 0}, until=1.25, parameters={"p": p}) for p in (1, 2)]
+    assert table["final_v"].to_numpy() == pytest.approx([1 - 0.5, 0.5 - 0.5], abs=1e-12)
+    assert [run.y[1, -1] for run in runs] == pytest.approx([0.5 - 0.5, 1 - 0.5], abs=1e-12)
+
+
 def test_times_and_initial_values_in_parameters_follow_swept_ones() -> None:
     """One period of x = a cos(w t), whatever w is."""
     table = swept(
