@@ -17,7 +17,7 @@ from henon_ref.integrator.run import Jumped
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import impact_of, jump_of
+from henon_ref.modes.resets import impact_of, jump_of, kept_zero
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Transition
@@ -90,8 +90,7 @@ class TangentSpace:
         system = self.system
         found: list[list[sp.Expr]] = []
         for i in sorted(sliding):
-            impact = impact_of(system, i) if system.rests(i) else None
-            for zero in (system.surfaces[i], *(() if impact is None else (impact.speed,))):
+            for zero in kept_zero(system, i):
                 row = [system.numeric(sp.diff(zero, x)) for x in system.states]
                 if sp.Matrix([*found, row]).rank() > len(found):
                     found.append(row)

@@ -8,7 +8,7 @@ bounds, and every other contact slips against its force, which is at a bound.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import inf
@@ -17,16 +17,14 @@ from typing import Any
 import sympy as sp
 from flint import arb, arb_mat, ctx
 
-from henon_ref.enclosure.balls import enclose, proves_zero, sign_of
+from henon_ref.enclosure.balls import enclose, sign_of
 from henon_ref.enclosure.enclosure import UndecidedError
-from henon_ref.enclosure.model import ModeModel, SystemModel
+from henon_ref.enclosure.model import Identities, ModeModel, SystemModel
 from henon_ref.errors import ModelError
-from henon_ref.expressions.algebra import up_to_a_number
 from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Row, Settled, independent_of
 from henon_ref.modes.equations import Guard, Refusal
 from henon_ref.modes.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
 from henon_ref.modes.mode import Mode, mode_text, replaced
-from henon_ref.modes.resets import settled_state
 
 ORDER = 6
 """Highest derivative examined for the sign of a guard."""
@@ -48,45 +46,6 @@ class EndedError(Exception):
         super().__init__(reason)
         self.reason = reason
         self.ended = ended
-
-
-@dataclass(frozen=True)
-class Identities:
-    """Expressions that are exactly zero at a point, solved for states if possible."""
-
-    values: Mapping[sp.Symbol, sp.Expr]
-    unsolved: tuple[sp.Expr, ...] = ()
-    """Further expressions that are zero but not linear in a state."""
-
-    @classmethod
-    def of(cls, zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> Identities:
-        values: dict[sp.Symbol, sp.Expr] = {}
-        unsolved: list[sp.Expr] = []
-        for zero in zeros:
-            zero = _substituted(zero, values)
-            solved = settled_state(zero, states)
-            values |= solved
-            unsolved += [] if solved else [zero]
-        return cls(values, tuple(unsolved))
-
-    def vanishes(self, expression: sp.Expr) -> bool:
-        """Check whether an expression is proven to be zero at the point."""
-        rest = _substituted(expression, self.values)
-        return proves_zero(rest) or any(
-            proves_zero(rest - z) or proves_zero(rest + z) or _without_factor(rest) == _without_factor(z)
-            for z in self.unsolved
-        )
-
-
-def _substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
-    for _ in range(len(values)):
-        expression = expression.xreplace(dict(values))
-    return expression
-
-
-def _without_factor(expression: sp.Expr) -> sp.Expr:
-    """Drop a constant factor, by which a reaction and the acceleration that lifts its body differ."""
-    return up_to_a_number(sp.expand(expression))[0]
 
 
 class Judge:

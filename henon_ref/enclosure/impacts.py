@@ -23,7 +23,7 @@ from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.modes.cascade import MOST, acting_groups
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resets import Impact, Jump, impact_of, jump_of
+from henon_ref.modes.resets import Impact, Jump, impact_of, jump_of, kept_zero
 from henon_ref.text import listed
 
 ROOM = 4
@@ -219,7 +219,7 @@ class Accumulation:
             for x, rate, push in zip(begin[1:], fields, pushes, strict=True)
         ]
         settled = [begin[0] + time, *end]
-        zeros = [self.model.surfaces[self.index], self.model.system.numeric(self.impact.speed)]
+        zeros = [self.model.system.numeric(zero) for zero in kept_zero(self.model.system, self.index)]
         for solved in solve_for_states(zeros, self.model.system.states):
             settled[solved.index + 1] = enclose(solved.value, self.model.at(settled))
         return Rest(self.stuck, tuple(settled))

@@ -14,15 +14,15 @@ import sympy as sp
 from flint import arb
 
 from henon_ref.enclosure.balls import enclose, sign_of
-from henon_ref.enclosure.consistency import EndedError, Entry, Identities, Judge
+from henon_ref.enclosure.consistency import EndedError, Entry, Judge
 from henon_ref.enclosure.enclosure import UndecidedError
-from henon_ref.enclosure.model import SystemModel
+from henon_ref.enclosure.model import Identities, SystemModel
 from henon_ref.modes.decision import ended
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.held_groups import slipped_by
 from henon_ref.modes.mode import Mode, mode_text, replaced
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.resets import impact_of, into_surface
+from henon_ref.modes.resets import impact_of, into_surface, kept_zero
 
 
 def initial_entry(model: SystemModel, problem: Problem) -> Entry:
@@ -161,6 +161,5 @@ def _identities(model: SystemModel, on: Sequence[int], moving: Sequence[int] = (
     """Collect the exact zeros: the surfaces, and h' of those in ``on`` that bodies rest on (not of ``moving``)."""
     system = model.system
     zeros = [model.surfaces[i] for i in (*on, *moving)]
-    rests = [impact_of(system, i) for i in on if system.rests(i)]
-    zeros += [system.numeric(impact.speed) for impact in rests if impact is not None]
+    zeros += [system.numeric(speed) for i in on for speed in kept_zero(system, i)[1:]]
     return Identities.of([*zeros, *more], system.states)

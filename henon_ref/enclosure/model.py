@@ -12,15 +12,55 @@ from flint import arb
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.tape import Program
+from henon_ref.expressions.algebra import up_to_a_number
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import impact_of, settled_state
+from henon_ref.modes.resets import kept_zero, settled_state
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 MAX_VARIED = 15_000
 """Largest number of operations of a mode's variational equations; one step for 64 states takes minutes."""
+
+
+@dataclass(frozen=True)
+class Identities:
+    """Expressions that are exactly zero at a point, solved for states if possible."""
+
+    values: Mapping[sp.Symbol, sp.Expr]
+    unsolved: tuple[sp.Expr, ...] = ()
+    """Further expressions that are zero but not linear in a state."""
+
+    @classmethod
+    def of(cls, zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> Identities:
+        values: dict[sp.Symbol, sp.Expr] = {}
+        unsolved: list[sp.Expr] = []
+        for zero in zeros:
+            zero = _substituted(zero, values)
+            solved = settled_state(sp.expand(zero) if values else zero, states)
+            values |= solved
+            unsolved += [] if solved else [zero]
+        return cls(values, tuple(unsolved))
+
+    def vanishes(self, expression: sp.Expr) -> bool:
+        """Check whether an expression is proven to be zero at the point."""
+        rest = _substituted(expression, self.values)
+        return proves_zero(rest) or any(
+            proves_zero(rest - z) or proves_zero(rest + z) or _without_factor(rest) == _without_factor(z)
+            for z in self.unsolved
+        )
+
+
+def _substituted(expression: sp.Expr, values: Mapping[sp.Symbol, sp.Expr]) -> sp.Expr:
+    for _ in range(len(values)):
+        expression = expression.xreplace(dict(values))
+    return expression
+
+
+def _without_factor(expression: sp.Expr) -> sp.Expr:
+    """Drop a constant factor, by which a reaction and the acceleration that lifts its body differ."""
+    return up_to_a_number(sp.expand(expression))[0]
 
 
 @dataclass(frozen=True)
@@ -58,18 +98,12 @@ class ModeModel:
         self.guards = tuple(replace(g, expression=system.numeric(g.expression)) for g in equations.guards)
 
         for i in set(system.overrides) & {i for i, s in enumerate(mode) if s == 0}:
-            impact = impact_of(system, i) if system.rests(i) else None
-            kept = system.surfaces[i] if impact is None else impact.speed
-            self._check_kept(system.numeric(kept), system.sign_names[i])
-
-    def _check_kept(self, surface: sp.Expr, name: str) -> None:
-        """Check that an override's field keeps its surface: every proof in the stick assumes h = 0."""
-        velocity = self.lie_derivative(surface)
-        for solved in solve_for_states([surface], self.states):
-            velocity = velocity.xreplace({self.states[solved.index]: solved.value})
-        if not proves_zero(velocity):
-            reason = f"the 'sliding' field of {name} is not proven to keep its surface: dh/dt = {velocity}"
-            raise UndecidedError(reason, "mode")
+            kept = system.numeric(kept_zero(system, i)[-1])
+            velocity = self.lie_derivative(kept)
+            if not Identities.of([kept], self.states).vanishes(velocity):  # every proof in the stick assumes h = 0
+                name = system.sign_names[i]
+                reason = f"the 'sliding' field of {name} is not proven to keep its surface: dh/dt = {velocity}"
+                raise UndecidedError(reason, "mode")
 
     @cached_property
     def flow(self) -> Program:
@@ -143,11 +177,6 @@ class SystemModel:
 
 def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[SolvedState]:
     """Solve each expression that is linear in a state, with a constant factor, for that state; no state twice."""
-    found: list[SolvedState] = []
-    for zero in zeros:
-        for known in found:
-            zero = sp.expand(zero.xreplace({states[known.index]: known.value}))
-        for x, value in settled_state(zero, states).items():
-            gradient = (sp.diff(value, TIME), *(sp.diff(value, y) for y in states))
-            found.append(SolvedState(states.index(x), value, gradient))
-    return found
+    values = Identities.of(zeros, states).values
+    gradients = {x: tuple(sp.diff(value, y) for y in (TIME, *states)) for x, value in values.items()}
+    return [SolvedState(states.index(x), value, gradients[x]) for x, value in values.items()]

@@ -24,7 +24,7 @@ from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import impact_of, resetting
+from henon_ref.modes.resets import impact_of, kept_zero, resetting
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -104,9 +104,9 @@ class ReturnMap:
         """The surface that the start is on because of its event."""
         if self.section is not None:
             on.add(self.section)
-        rests = [impact_of(system, i) for i in sorted(on) if guess.mode[i] == 0 and system.rests(i)]
         zeros = [self.model.surfaces[i] for i in sorted(on)]
-        zeros += [system.numeric(impact.speed) for impact in rests if impact is not None]
+        slid_on = [i for i in sorted(on) if guess.mode[i] == 0]
+        zeros += [system.numeric(speed) for i in slid_on for speed in kept_zero(system, i)[1:]]
         self.solved = solve_for_states(zeros, system.states)
         taken = {s.index for s in self.solved}
         self.free = [i for i in range(len(guess.state)) if i not in taken]

@@ -148,6 +148,12 @@ def settled_state(surface: sp.Expr, states: Collection[sp.Symbol]) -> dict[sp.Sy
     return {}
 
 
+def kept_zero(system: FilippovSystem, index: int) -> tuple[sp.Expr, ...]:
+    """Return the functions that sliding on a surface keeps at zero: h, and h' if a body rests on the surface."""
+    impact = impact_of(system, index) if system.rests(index) else None
+    return system.surfaces[index], *(() if impact is None else (impact.speed,))
+
+
 def with_resting(system: FilippovSystem) -> FilippovSystem:
     """Return the system with overrides for bodies that rest on surfaces which reset the state.
 

@@ -2,9 +2,9 @@
 
 The rules are mathematics without an arithmetic: machine code (:mod:`henon_ref.taylor.llvm.recurrences`) and series over
 any ring (:mod:`henon_ref.taylor.series`) each implement the recurrences of these kinds, and
-:mod:`henon_ref.enclosure.tail_bounds` bounds their remainders. A differential equation for y gives coefficient k from those of lower order when both
-sides are compared at order k - 1 (Jorba and Zou, *Experimental Mathematics* 14, 2005, Sec. 2; Griewank and Walther,
-*Evaluating Derivatives*, 2nd ed., Sec. 13.2).
+:mod:`henon_ref.enclosure.tail_bounds` bounds their remainders. A differential equation for y gives coefficient k from
+those of lower order when both sides are compared at order k - 1 (Jorba and Zou, *Experimental Mathematics* 14, 2005,
+Sec. 2; Griewank and Walther, *Evaluating Derivatives*, 2nd ed., Sec. 13.2).
 
 Below, y is the operation, a and b are the nodes that it reads, c is its constant.
 """

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import process_time
 
 import numpy as np
 from flint import arb
 
-from henon_ref.enclosure.run import EnclosedTransition
+from henon_ref.enclosure.run import EnclosedTransition, Progress
 from henon_ref.harness.truth.multiprecision.heyoka import to_real
 from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.harness.truth.multiprecision.points import Point, SeriesEvaluation
@@ -33,10 +33,6 @@ FINAL = 2.0**-80
 limit is about the square of it."""
 MAX_STEPS = 1_000_000
 """Largest number of Taylor steps; the time limit of a truth ends nearly all runs earlier."""
-
-Progress = Callable[[float], None]
-"""Called with the part of the run that is done, 0 to 1."""
-
 
 Instant = tuple[EnclosedTransition, ...]
 """The transitions at one time, in balls without radius: one for each surface that changes or is touched.

@@ -25,7 +25,7 @@ from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.roots import END
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import impact_of, settled_state
+from henon_ref.modes.resets import kept_zero, settled_state
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
@@ -85,9 +85,8 @@ def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection
     kept = slope
     for _ in sliding:
         for i in sliding:
-            impact = impact_of(system, i) if system.rests(i) else None
-            surface = system.surfaces[i] if impact is None else impact.speed
-            kept = kept.xreplace(settled_state(system.numeric(surface), system.states))
+            zero = system.numeric(kept_zero(system, i)[-1])
+            kept = kept.xreplace(settled_state(zero, system.states))
     return sp.S.Zero if sp.expand(kept) == 0 else slope
 
 
