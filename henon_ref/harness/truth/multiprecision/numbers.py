@@ -29,18 +29,9 @@ def decimal_digits(bits: int) -> int:
 
 @lru_cache(maxsize=4096)
 def exact_text(number: sp.Expr, bits: int) -> str:
-    """Write an exact number in decimal digits that are correct to a precision in bits.
+    """Write an exact number, such as ``sqrt(3)/9``, in decimal digits that are correct to a precision in bits.
 
-    Parameters
-    ----------
-    number : Expr
-        An exact real number (``Rational(1, 10)``, ``sqrt(3)/9``).
-    bits : int
-
-    Raises
-    ------
-    ModelError
-        If it is not a real number.
+    ModelError if it is not a real number.
     """
     digits = decimal_digits(bits)
     value = sp.N(number, digits, maxn=10 * digits)
@@ -77,7 +68,7 @@ def ball_text(value: arb, radius: float) -> str:
 
 
 def _decimal_text(value: Decimal) -> str:
-    return format(value, "f" if -6 < value.adjusted() < 30 or not value else "e")
+    return format(value, "f" if -6 < value.adjusted() < STATE_DIGITS or not value else "e")
 
 
 def written_radius(bound: float) -> float:
