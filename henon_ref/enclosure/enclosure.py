@@ -8,31 +8,17 @@ from math import inf, log2
 
 from flint import arb, arb_poly, ctx
 
-from henon_ref.enclosure.tail_bounds import Tails, magnitudes
-from henon_ref.enclosure.tape import Program, Series
+from henon_ref.enclosure.tail_bounds import Program, Series, Tails, magnitudes
 
 UNIT_BALL = arb(0, 1)
-TRIES = 40
-"""Most discs tried for one step: the first six shrink by 0.8, the later ones by 0.5, to 1e-11 of the first radius."""
-NARROWEST, WIDEST = 2.0**-4, 2.0**6
-"""Smallest and largest disc radius tried, in time units; the unit is adapted after each step, so steps can grow."""
 SMALLEST = 1e-300
 """Replaces zero in logarithms."""
-LARGEST_EXPONENT = 900
-RIM = 0.75
-"""Largest step as a part of the disc's radius; below 1, so that derivatives of the remainder are bounded too."""
 
 
 class UndecidedError(Exception):
     """A sign or an enclosure that a proof requires is undecided at the working precision.
 
-    Parameters
-    ----------
-    reason : str
-    kind : str
-        ``graze``, ``tie``, ``mode``, ``enclosure``, ``start``.
-    place : float, optional
-        Time on the step, in the step's time unit.
+    ``kind``: ``graze``, ``tie``, ``mode``, ``enclosure``, ``start``. ``place``: time on the step, in its time unit.
     """
 
     def __init__(self, reason: str, kind: str, place: float | None = None) -> None:
@@ -119,11 +105,14 @@ class Expansion:
     """Norm of each state's and output's polynomial on a disc of about the step's length."""
 
     def reach(self, bits: int) -> float:
-        """Largest |s| at which every remainder is below 2**-bits of the norm of its state or output."""
+        """Largest |s| at which every remainder is below 2**-bits of the norm of its state or output.
+
+        At most 3/4 of the disc's radius, so that derivatives of the remainder are bounded too.
+        """
         room = inf
         for size, tail in zip(self.sizes, self.state_tails + self.output_tails, strict=True):
             room = min(room, (log2(max(size, SMALLEST)) - log2(max(tail, SMALLEST)) - bits) / (self.order + 1))
-        return self.radius * min(RIM, 2.0 ** min(room, 0.0))
+        return self.radius * min(0.75, 2.0 ** min(room, 0.0))
 
     def state(self, index: int) -> Curve:
         return Curve.of(self.states[index], [Tail(self.order + 1, self.state_tails[index], self.radius)])
@@ -138,36 +127,24 @@ class Expansion:
 def expand(
     program: Program, time: arb, state: Sequence[arb], order: int, unit: float, radius: float | None = None
 ) -> Expansion:
-    """Expand the solutions through all points of a box, with proven remainder bounds.
+    """Expand the solutions through all points of a box (thin or not), with proven remainder bounds.
 
-    Parameters
-    ----------
-    program : Program
-    time, state : arb
-        Initial box (thin or not).
-    order : int
-    unit : float
-        Time unit, a power of two; the result holds the unit that was used.
-    radius : float, optional
-        Radius of the first disc, in units; by default an estimate from the coefficients.
-
-    Raises
-    ------
-    UndecidedError
-        If no disc is proven: the field is undefined on the box, or the box is too wide.
+    ``unit``: time unit, a power of two; the result holds the unit that was used. ``radius``: radius of the first disc,
+    in units; by default an estimate from the coefficients. UndecidedError if no disc is proven: the field is undefined
+    on the box, or the box is too wide.
     """
     series = program.run(ctx.prec, time, state, order, arb(unit))
     if not all(row[order].is_finite() for row in series) or not unit > SMALLEST:
         raise _no_enclosure(time)
     if radius is None:
         radius = _estimate([series[i] for i in program.states + program.outputs], order)
-        if radius < NARROWEST:
+        if radius < 2.0**-4:
             # In this unit, powers of such a small radius would underflow: change the unit.
             return expand(program, time, state, order, unit * 2.0 ** round(log2(radius)))
     states = [series[i] for i in program.states]
     outputs = [series[i] for i in program.outputs]
     sizes = magnitudes(series)
-    for attempt in range(TRIES):
+    for attempt in range(40):  # down to 1e-11 of the first radius
         tails = Tails(program, program.numbers(ctx.prec), sizes, radius, unit)
         proven = tails.validate()
         if proven is not None:
@@ -192,8 +169,8 @@ def _estimate(rows: Sequence[Series], order: int) -> float:
         late = max(log2_size(c) for c in row[order - 2 :])
         if early > -1e6:
             growth = max(growth, (late - early) / (order - half))
-    # No power of the radius may leave the doubles.
-    return 0.9 * 2.0 ** min(-growth, log2(WIDEST), LARGEST_EXPONENT / order)
+    # At most 2^6 units (the unit is adapted after each step), and no power of the radius may leave the doubles.
+    return 0.9 * 2.0 ** min(-growth, 6.0, 900 / order)
 
 
 def log2_size(c: arb) -> float:

@@ -11,7 +11,7 @@ from flint import arb
 
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import UndecidedError
-from henon_ref.enclosure.tape import Program
+from henon_ref.enclosure.tail_bounds import Program
 from henon_ref.expressions.algebra import up_to_a_number
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import along
@@ -74,20 +74,10 @@ class SolvedState:
 
 
 class ModeModel:
-    """One mode: field and guards with exact numbers, and the programs that expand them.
+    """One mode: field and guards with exact numbers for the parameters, and the programs that expand them.
 
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
-    UndecidedError
-        If the field of an override is not proven to keep its surface.
-
-    Attributes
-    ----------
-    field : tuple of Expr
-    guards : tuple of Guard
-        With exact numbers for the parameters.
+    ModelError if the mode has no equations; UndecidedError if the field of an override is not proven to keep its
+    surface.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode) -> None:

@@ -8,8 +8,7 @@ from flint import arb, ctx
 
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.enclosure import Curve, Tail, UndecidedError, expand
-from henon_ref.enclosure.tail_bounds import Tails, magnitudes
-from henon_ref.enclosure.tape import Program
+from henon_ref.enclosure.tail_bounds import Program, Tails, magnitudes
 from henon_ref.taylor.tape import TIME, build_tape
 
 X, Y = sp.symbols("x y", real=True)
