@@ -28,28 +28,12 @@ IDENTITY = 1e-8
 """Tolerance of the sum of logarithms, relative to the sum of the absolute values of all terms."""
 LOCAL_ERROR = IDENTITY / CONDITION
 """Largest local error of a step for this tolerance: the frame's condition number multiplies it."""
-PARALLEL = 1e-8
-"""Part of a vector orthogonal to those before it, up to which the vector counts as removed by a transition."""
-
 TURNED = 1e-3
 """Size of a random perturbation of the first frame, so that it excludes no direction that grows later."""
 
 
 class TangentFrame:
-    """Orthonormal frame of tangent vectors along a flow, and the logarithms of their growth.
-
-    Attributes
-    ----------
-    logs : ndarray, shape (n,)
-        Logarithms since the averaging began; ``-inf`` for removed directions.
-    times : list of float
-        Times since the averaging began [s].
-    history : list of ndarray
-        ``logs`` divided by those times [1/s].
-    transitions : int
-    stuck : float
-        Time in which at least one surface slid [s].
-    """
+    """Orthonormal frame of tangent vectors along a flow, and the logarithms of their growth."""
 
     def __init__(self, flow: TangentFlow, tolerance: float) -> None:
         self.flow, self.tolerance = flow, tolerance
@@ -62,13 +46,17 @@ class TangentFrame:
         """Begin the averaging now, with all directions of the present mode."""
         self.counted = list(range(self.dimension))
         self.logs = np.where(np.arange(self.n) < self.dimension, 0.0, -np.inf)
+        """Logarithms since the averaging began, shape (n,); ``-inf`` for removed directions."""
         # Sum of the growths less that of the volume, sum of the absolute terms, and allowed rounding errors.
         self.off = self.terms = self.allowed = 0.0
         self.began = self.last = self.flow.time
         self.stuck = 0.0
+        """Time in which at least one surface slid [s]."""
         self.transitions = 0
         self.times: list[float] = []
+        """Times since the averaging began [s]."""
         self.history: list[Matrix] = []
+        """``logs`` divided by those times [1/s]."""
 
     def run(self, until: float) -> tuple[Status, str]:
         """Advance to a time."""
@@ -147,7 +135,7 @@ class TangentFrame:
         """Return the vectors without those that a transition removed: each is in the span of those before it."""
         for _ in range(lost):
             sizes = np.abs(np.diag(np.linalg.qr(vectors)[1]))
-            small = np.flatnonzero(sizes <= PARALLEL * np.abs(vectors).max())
+            small = np.flatnonzero(sizes <= 1e-8 * np.abs(vectors).max())
             k = int(small[0]) if small.size else sizes.size - 1
             vectors = np.delete(vectors, k, axis=1)
             if k < len(self.counted):

@@ -26,17 +26,8 @@ _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
 def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) -> arb:
     """Return a ball, at the working precision of ``flint.ctx``, that contains the value of an expression.
 
-    Parameters
-    ----------
-    expression : Expr
-        Exact numbers, elementary functions, and the symbols of ``values``.
-    values : mapping, optional
-        Symbol -> ball.
-
-    Raises
-    ------
-    ModelError
-        If a symbol has no value, or a function has no version for balls.
+    The expression has exact numbers, elementary functions, and symbols, with a ball for each in ``values``. ModelError
+    if a symbol has no value, or a function has no version for balls.
 
     Examples
     --------
@@ -124,7 +115,5 @@ def proves_zero(expression: sp.Expr) -> bool:
 
 
 def sign_of(ball: arb) -> int:
-    """Return the sign of a ball; 0 if it contains zero."""
-    if ball > 0:
-        return 1
-    return -1 if ball < 0 else 0
+    """Return the sign of a ball; 0 if it contains zero or is not finite."""
+    return 0 if not ball.is_finite() or ball.contains(0) else (1 if ball > 0 else -1)

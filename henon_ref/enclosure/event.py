@@ -18,17 +18,6 @@ from henon_ref.enclosure.impacts import Rest
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 
-DEPTH = 90
-"""Largest number of bisections before a sign counts as not provable."""
-PIECES = 4000
-"""Largest number of subintervals examined on one step."""
-RECENTRE = 5
-"""Number of bisections after which the polynomial is expanded again around the remaining subinterval."""
-SPLIT = 0.4837
-"""Where an interval is split, as a part of it; not 0.5, so that a split point is unlikely to be a root."""
-HORIZON_MARGIN = 1.125
-"""Search interval as a multiple of the remaining time: an event just after the horizon is then reported as a tie."""
-
 
 @dataclass(frozen=True)
 class Root:
@@ -62,16 +51,9 @@ class Hit:
 def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: Sequence[Tail], zeros: int) -> Curve:
     """Enclose a guard over a set of solutions, divided by ``s**zeros``.
 
-    Parameters
-    ----------
-    coefficients : sequence of arb
-        Coefficients along the centre of the set.
-    deviations : sequence of arb
-        Deviation of each coefficient over the set; those of higher orders are contained in ``tails``.
-    tails : sequence of Tail
-    zeros : int
-        Number of leading coefficients that are exactly zero: one for a start on the surface, two if the normal
-        velocity is zero too. The division keeps the sign after the start provable.
+    From its coefficients along the centre of the set, and their deviations over the set; those of higher orders are
+    contained in the tails. ``zeros`` is the number of leading coefficients that are exactly zero: one for a start on
+    the surface, two if the normal velocity is zero too. The division keeps the sign after the start provable.
     """
     total = [c + d for c, d in zip(coefficients, deviations, strict=False)]
     total += list(coefficients[len(deviations) :])
@@ -83,30 +65,13 @@ def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: S
 def scan(curve: Curve, end: float, armed: bool, name: str) -> tuple[Root | None, bool]:
     """Locate the first root in (0, end] at which a guard falls through zero, or prove that there is none.
 
-    Parameters
-    ----------
-    curve : Curve
-    end : float
-    armed : bool
-        True: the guard is positive just after 0. False: the guard may start negative, and its falls count only
-        after it was positive.
-    name : str
-        Name of the guard in error messages.
-
-    Returns
-    -------
-    root : Root or None
-    armed : bool
-        Whether the guard was positive at some time of the step.
-
-    Raises
-    ------
-    UndecidedError
-        If neither value nor slope has a strict sign on some subinterval: a graze, or an undecided start.
+    ``armed``: the guard is positive just after 0; else it may start negative, and its falls count only after it was
+    positive. Returned is also whether it was positive at some time of the step. UndecidedError if neither value nor
+    slope has a strict sign on some subinterval: a graze, or an undecided start.
     """
     stack = [(0.0, end, 0, curve)]
     positive = False  # whether the left end of the next subinterval is proven positive
-    for _ in range(PIECES):
+    for _ in range(4000):
         if not stack:
             return None, armed
         low, high, depth, curve = stack.pop()
@@ -129,10 +94,10 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> tuple[Root | None,
         if shape == "stays negative" and not armed:
             positive = False
             continue
-        middle = low + (high - low) * SPLIT
-        if depth >= DEPTH or not low < middle < high:
+        middle = low + (high - low) * 0.4837  # not half, so that a split point is unlikely to be a root
+        if depth >= 90 or not low < middle < high:
             raise UndecidedError(_graze(name, low, value), "graze", low)
-        if (depth + 1) % RECENTRE == 0:
+        if (depth + 1) % 5 == 0:
             curve = curve.recentred(middle)
         stack += [(middle, high, depth + 1, curve), (low, middle, depth + 1, curve)]
     raise UndecidedError(f"{name} is near zero too often for its sign to be decided", "graze")
@@ -189,19 +154,11 @@ def refine(root: Root) -> arb:
 
 
 def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[tuple[int, arb] | None, list[bool]]:
-    """Locate the guard that falls first on (0, end], with an enclosure of its root.
+    """Locate the guard that falls first on (0, end]: its index, with an enclosure of its root.
 
-    Returns
-    -------
-    hit : (index, ball) or None
-    armed : list of bool
-        For every guard, whether it was positive by the end or by the hit. Every other guard is proven not to
-        fall before that time.
-
-    Raises
-    ------
-    UndecidedError
-        If a sign cannot be proven, or if the root enclosures of two guards overlap (``tie``).
+    Returned is also, for every guard, whether it was positive by the end or by the hit; every other guard is proven not
+    to fall before that time. UndecidedError if a sign cannot be proven, or if the root enclosures of two guards overlap
+    (``tie``).
     """
     found: list[tuple[int, Root]] = []
     armed = [was for _, was, _ in curves]
@@ -227,9 +184,10 @@ def first_fall(
     watched: Sequence[tuple[Curve, bool, str]], reach: float, left: float
 ) -> tuple[tuple[int, arb] | None, list[bool]]:
     """Locate the first guard that falls on a step of length ``reach``, with time ``left`` to the horizon."""
-    if left * HORIZON_MARGIN < reach:
+    beyond = left * 1.125  # an event just after the horizon is reported as a tie
+    if beyond < reach:
         try:
-            return first_root(watched, left * HORIZON_MARGIN)
+            return first_root(watched, beyond)
         except UndecidedError:
             return first_root(watched, left)
     return first_root(watched, min(left, reach))

@@ -21,15 +21,6 @@ from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import REMAINING, Jump, impact_of, resetting, time_to_rest
 from henon_ref.precision import working_precision
 
-TANGENT_ORDER = 16
-TANGENT_BITS = 64
-"""Order and precision of the variational equations if they only propagate a radius."""
-FINAL = 2.0**-56
-"""Remaining time of accumulating impacts, as a part of the run, at which their limit is enclosed; the radius of the
-limit is about the square of it."""
-TANGENT_ROOM = 4.0
-"""First disc radius of the variational equations, in steps."""
-
 
 def taylor_order(bits: int) -> int:
     """Order at which steps are cheapest at a precision."""
@@ -39,20 +30,9 @@ def taylor_order(bits: int) -> int:
 class ValidatedFlow:
     """A set of points (t, x) that validated steps propagate.
 
-    Parameters
-    ----------
-    model : SystemModel
-    points : PointSet
-        Initial set, in (t, x).
-    entry : Entry
-    bits : int
-        Working precision of ``flint.ctx`` whenever a method is called.
-    unit : float
-        Initial time unit, a power of two.
-    span : float
-        Length of the run [s], the scale on which accumulating impacts are detected; 0 disables the detection.
-    sharp : bool
-        Derivatives are accurate to all digits, not only enough to propagate a radius.
+    ``bits`` is the working precision of ``flint.ctx`` whenever a method is called, ``unit`` the initial time unit, a
+    power of two. ``span``: length of the run [s], the scale on which accumulating impacts are detected; 0 disables the
+    detection. ``sharp``: derivatives are accurate to all digits, not only enough to propagate a radius.
     """
 
     def __init__(
@@ -68,7 +48,7 @@ class ValidatedFlow:
     ) -> None:
         self.model, self.points, self.unit, self.sharp = model, points, unit, sharp
         self.bits, self.order = bits, taylor_order(bits)
-        self.tangent_bits, self.tangent_order = (bits, self.order) if sharp else (TANGENT_BITS, TANGENT_ORDER)
+        self.tangent_bits, self.tangent_order = (bits, self.order) if sharp else (64, 16)
         self.derivative = diagonal([1] * len(points.centre))
         """Encloses the derivative of the present (t, x) by the initial (t, x), with saltation at the events."""
         self.span = span
@@ -88,10 +68,6 @@ class ValidatedFlow:
         """Take one step: to its end, to the next event (its new mode is then entered), or to the horizon.
 
         Return the event, if any; :attr:`done` is then True if the horizon is reached.
-
-        Raises
-        ------
-        UndecidedError, EndedError
         """
         self.steps += 1
         made = self.model.mode(self.mode)
@@ -133,7 +109,7 @@ class ValidatedFlow:
         reach = flow.reach(self.bits)
         size = len(hull)
         start = [arb(int(j == i + 1)) for j in range(size) for i in range(size - 1)]
-        disc = flow.radius if self.sharp else TANGENT_ROOM * reach
+        disc = flow.radius if self.sharp else 4.0 * reach
         with working_precision(self.tangent_bits):
             box = [b + 0 for b in hull]
             tangent = expand(made.tangent, box[0], [*box[1:], *start], self.tangent_order, self.unit, disc)
@@ -260,7 +236,9 @@ class ValidatedFlow:
         if any(j != index and old != new for j, (old, new) in enumerate(zip(before, after, strict=True))):
             raise UndecidedError("a surface changes its side with the impacts that accumulate", "mode")
         self._accumulating = index
-        return Accumulation(self.model, index, after, speed, box).rest() if time < FINAL * self.span else None
+        if not time < 2.0**-56 * self.span:  # the radius of the limit is about the square of it
+            return None
+        return Accumulation(self.model, index, after, speed, box).rest()
 
     def _jump(self, jump: Jump) -> None:
         """Map the set through a jump of the state: the value at the centre, the derivative over the set."""

@@ -26,11 +26,6 @@ from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, Jump, impact_of, jump_of, kept_zero
 from henon_ref.text import listed
 
-ROOM = 4
-"""Factor from the displacements that the present bounds allow to the next guess of the box."""
-TRIES = 12
-"""Largest number of guesses of the box."""
-
 
 @dataclass(frozen=True)
 class Rest:
@@ -42,20 +37,10 @@ class Rest:
 
 
 def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb | None:
-    """Enclose h' after an impact; exactly 0 if proven, None if the reset of the surface is not an impact of a body.
+    """Enclose h' of a surface after an impact at ``arrived``, an enclosure of (t, x) before it.
 
-    Parameters
-    ----------
-    model : SystemModel
-    index : int
-        The surface.
-    arrived : sequence of arb
-        Enclosure of (t, x) before the impact.
-
-    Raises
-    ------
-    UndecidedError
-        If the enclosure contains 0, so that the body may or may not leave the surface.
+    Exactly 0 if proven, None if the reset of the surface is not an impact of a body; UndecidedError if the enclosure
+    contains 0, so that the body may or may not leave the surface.
     """
     system, impact = model.system, impact_of(model.system, index)
     if impact is None or impact.refusal:
@@ -72,45 +57,25 @@ def speed_after(model: SystemModel, index: int, arrived: Sequence[arb]) -> arb |
 
 
 class ProvenMaps:
-    """Sequence of the maps applied at an instant.
-
-    Parameters
-    ----------
-    model : SystemModel
-    mode : Mode
-        Before the maps.
-    index : int
-        The surface that has fallen to zero.
-
-    Attributes
-    ----------
-    due : set of int
-        Surfaces whose maps have to be applied.
-    sides : list of int
-        Signs of the surfaces after the last map; 0 for a surface that the state is on.
-    speeds : dict
-        Surface -> enclosure of h', for surfaces that the state is on and whose h' a map has changed.
-    applied : list of int
-        Surfaces whose maps have been applied.
-    """
+    """Sequence of the maps applied at the instant at which a surface falls to zero in a mode."""
 
     def __init__(self, model: SystemModel, mode: Mode, index: int) -> None:
         self.model, self.mode = model, mode
         self.due = {index}
+        """Surfaces whose maps have to be applied."""
         self.sides = [0 if i == index else entry for i, entry in enumerate(mode)]
+        """Signs of the surfaces after the last map; 0 for a surface that the state is on."""
         self.speeds: dict[int, arb] = {}
+        """Enclosures of h' of the surfaces that the state is on and whose h' a map has changed."""
         self.applied: list[int] = []
+        """Surfaces whose maps have been applied."""
         self._thrown: arb | None = None
 
     def next(self, box: Sequence[arb]) -> Jump:
         """Select the next jump, given an enclosure of (t, x) before it.
 
-        Raises
-        ------
-        UndecidedError
-            If several jumps may be first and their order may matter.
-        EndedError
-            If the limit of maps at one instant is reached.
+        UndecidedError if several jumps may be first and their order may matter; EndedError if the limit of maps at one
+        instant is reached.
         """
         system = self.model.system
         resets, groups, names = system.resets, acting_groups(system), system.sign_names
@@ -178,20 +143,7 @@ class ProvenMaps:
 
 
 class Accumulation:
-    """Accumulating impacts on a surface.
-
-    Parameters
-    ----------
-    model : SystemModel
-    index : int
-        The surface.
-    mode : Mode
-        Between the impacts.
-    speed : arb
-        h' after the last impact.
-    box : sequence of arb
-        Enclosure of (t, x) after the last impact.
-    """
+    """Accumulating impacts on a surface: the mode between them, h' and an enclosure of (t, x) after the last one."""
 
     def __init__(self, model: SystemModel, index: int, mode: Mode, speed: arb, box: Sequence[arb]) -> None:
         self.model, self.index, self.mode, self.speed, self.begin = model, index, mode, speed, list(box)
@@ -227,12 +179,12 @@ class Accumulation:
     def _kept(self) -> tuple[list[arb], arb, arb]:
         """Find a box that the states do not leave, with the bounds (time, change of h') on it."""
         box = list(self.begin)
-        for _ in range(TRIES):
+        for _ in range(12):
             time, change = self._bounds(box)
             inside = self._reached(box, time.upper(), change)
             if all(wide.contains(own) for wide, own in zip(box, inside, strict=True)):
                 return box, time, change
-            box = self._reached(box, ROOM * time.upper(), ROOM * change)
+            box = self._reached(box, 4 * time.upper(), 4 * change)
         raise self._open("no box is found that the states do not leave")
 
     def _bounds(self, box: Sequence[arb]) -> tuple[arb, arb]:

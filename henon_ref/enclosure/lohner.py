@@ -18,9 +18,6 @@ from flint import arb, arb_mat
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError, log2_size
 from henon_ref.precision import working_precision
 
-MATRIX_BITS = 64
-"""Precision of axes and radii; 64 bits are enough because they multiply small deviations."""
-
 
 @dataclass(frozen=True)
 class PointSet:
@@ -67,14 +64,11 @@ class PointSet:
     def moved(self, centre: Sequence[arb], derivative: arb_mat) -> PointSet:
         """Return the image of the set under a map, from enclosures of its value at the centre and its derivative.
 
-        Raises
-        ------
-        UndecidedError
-            If the enclosures are not finite.
+        UndecidedError if they are not finite.
         """
         if not all(c.is_finite() for c in centre):
             raise UndecidedError("the enclosure of the state has become unbounded", "enclosure")
-        with working_precision(MATRIX_BITS):
+        with working_precision(64):  # enough, because axes and radii multiply small deviations
             spread = derivative * self.axes
             errors = [c.rad() for c in centre]
             axes, inverse = _axes(spread.mid(), self.radii, self.scales)

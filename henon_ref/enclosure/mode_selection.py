@@ -28,12 +28,8 @@ from henon_ref.modes.resets import impact_of, into_surface, kept_zero
 def initial_entry(model: SystemModel, problem: Problem) -> Entry:
     """Select the mode at the start.
 
-    Raises
-    ------
-    UndecidedError
-        If a sign cannot be proven.
-    EndedError
-        If the start provably has no future or several, or is outside the model.
+    UndecidedError if a sign cannot be proven; EndedError if the start provably has no future or several, or is outside
+    the model.
     """
     system = problem.system
     numbers = [system.numeric(e) for e in (problem.start, *problem.initial)]
@@ -91,18 +87,7 @@ def refuse_into_surface(model: SystemModel, mode: Sequence[int], on: Sequence[in
 
 
 def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) -> Entry:
-    """Select the mode after one guard fell through zero.
-
-    Parameters
-    ----------
-    model : SystemModel
-    box : sequence of arb
-        Enclosure of (t, x) at the event.
-    mode : Mode
-        Before the event.
-    hit : Guard
-        With exact numbers for the parameters.
-    """
+    """Select the mode after one guard, with exact numbers, fell through zero in a mode at an enclosure of (t, x)."""
     system = model.system
     refused = ended(system, mode, [hit], box[0].str(17, radius=False))
     if refused is not None:
@@ -125,17 +110,10 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
 
 
 def entry_after_jump(model: SystemModel, box: Sequence[arb], sides: Sequence[int], speeds: Mapping[int, arb]) -> Entry:
-    """Select the mode after the last jump of an instant.
+    """Select the mode after the last jump of an instant, at an enclosure of (t, x).
 
-    Parameters
-    ----------
-    model : SystemModel
-    box : sequence of arb
-        Enclosure of (t, x) after the jump.
-    sides : sequence of int
-        Signs of the surfaces; 0 for a surface that the state is on.
-    speeds : mapping
-        h' of those surfaces of which a map has changed h'; exactly 0 after an impact without rebound.
+    ``sides``: signs of the surfaces, 0 for a surface that the state is on. ``speeds``: h' of the surfaces of which a
+    map has changed h'; exactly 0 after an impact without rebound.
     """
     system, at = model.system, model.at(box)
     for expression in system.valid:

@@ -23,22 +23,14 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 
-NEWTON_STEPS = 12
-"""Largest number of Newton steps; the correct digits double per step, so five suffice from eight digits."""
 SPARE_BITS = 56
 """Working precision beyond the requested radius, for the error growth of one evaluation of the return map."""
-FIRST_BITS = 80
-"""Precision of the first Newton steps, whose points are less accurate than it."""
 BOXES = 4
 """Largest number of boxes tried by Krawczyk's test; each is sized by the image of the previous one."""
-SINGULAR_WITHIN = 1e-6
-"""Largest correction at which a singular derivative is reported; at larger ones the point is too far from an orbit."""
 SINGULAR = (
     "the derivative of the return map minus the identity is singular: no isolated orbit here, but a family of "
     "periodic orbits (as without energy losses)"
 )
-INFLATION = 16.0
-"""Half width of the tested box, as a multiple of the last Newton correction."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +65,10 @@ class PeriodicOrbit:
 
 
 def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float = 1e-40) -> PeriodicOrbit:
-    """Find and prove the periodic orbit near a guess.
+    """Find and prove the periodic orbit near a guess, which is accurate to a few digits.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    guess : Guess
-        Accurate to a few digits, as a start for Newton's method.
-    radius : float
-        Required radius of state, period and derivative. A double multiplier is enclosed to about its square root.
-
-    Raises
-    ------
-    OrbitError
-        If Newton's method does not converge, or no box is proven to contain a fixed point.
+    ``radius``: required radius of state, period and derivative; a double multiplier is enclosed to about its square
+    root. OrbitError if Newton's method does not converge, or no box is proven to contain a fixed point.
     """
     returned = ReturnMap(system, guess)
     bits = ceil(-log2(radius)) + SPARE_BITS
@@ -128,13 +110,13 @@ class _Search:
     def _slope_around(self, point: Sequence[arb], correction: Sequence[arb]) -> tuple[list[arb], arb_mat]:
         """Box around a point, sized by a correction, and the derivative of x - P(x) over the box."""
         floor = arb(2) ** -(self.bits - SPARE_BITS // 2)
-        half = [abs(c) * INFLATION + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
+        half = [16 * abs(c) + floor * (1 + abs(p)) for c, p in zip(correction, point, strict=True)]
         box = [p + h.upper() * UNIT_BALL for p, h in zip(point, half, strict=True)]
         return box, diagonal([1] * len(box)) - self.returned(box, self.bits, sharp=True).derivative
 
     def _refuse_singular(self, point: Sequence[arb], correction: Sequence[arb]) -> None:
         """Raise OrbitError if the derivative of x - P(x) is singular near a point that the map hardly moves."""
-        if max(map(float, correction), default=0.0) < SINGULAR_WITHIN:
+        if max(map(float, correction), default=0.0) < 1e-6:
             _, slope = self._slope_around(point, correction)
             if slope.det().contains(0):
                 raise OrbitError(SINGULAR)
@@ -142,9 +124,9 @@ class _Search:
     def _newton(self) -> tuple[list[arb], list[arb]]:
         """Approximate fixed point of the return map, and the last Newton correction."""
         point = [arb(self.guess.state[i]).mid() for i in self.returned.free]
-        bits, before = min(FIRST_BITS, self.bits), inf
+        bits, before = min(80, self.bits), inf  # the first points are less accurate
         nearest, least = point, [arb(inf)]
-        for _ in range(NEWTON_STEPS):
+        for _ in range(12):  # five suffice from eight digits
             with working_precision(bits):
                 made = self.returned(point, bits, sharp=False)
                 residual = arb_mat(len(point), 1, [p - q for p, q in zip(point, made.end, strict=True)])

@@ -30,8 +30,6 @@ from henon_ref.taylor.tape import TIME
 
 MAX_STEPS = 20_000
 """Largest number of steps of one evaluation; beyond it the guess is considered not to be near an orbit."""
-FAR = 2**40
-"""Horizon if the map ends at an event [s]."""
 
 
 class OrbitError(HenonRefError):
@@ -88,11 +86,8 @@ class MappedPoint:
 class ReturnMap:
     """The return map of a guess.
 
-    Raises
-    ------
-    OrbitError
-        If a fixed point would not prove a periodic orbit: the system is not proven to have the given period, or it
-        depends on time and no period is given.
+    OrbitError if a fixed point would not prove a periodic orbit: the system is not proven to have the given period, or
+    it depends on time and no period is given.
     """
 
     def __init__(self, system: FilippovSystem, guess: Guess) -> None:
@@ -126,8 +121,8 @@ class ReturnMap:
         flow = ValidatedFlow(self.model, PointSet.box([self.time, *state]), self._entry(), bits, sharp=sharp)
         begin = flow.points.hull()
         events: list[Hit] = []
-        period = self.guess.period
-        horizon = self.time + enclose(self.model.system.numeric(period)) if period is not None else self.time + FAR
+        period = sp.Integer(2**40) if self.guess.period is None else self.guess.period  # an event ends it earlier
+        horizon = self.time + enclose(self.model.system.numeric(period))
         while not flow.done and len(events) != self.guess.events:
             if flow.steps >= MAX_STEPS:
                 raise OrbitError(f"the return map does not end within {MAX_STEPS} steps")

@@ -24,14 +24,10 @@ from henon_ref.modes.resets import rows_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind
 
-SPARE_BITS = 40
-"""Working precision beyond the requested radius at the first attempt, for the error growth along the run."""
 ATTEMPTS = 4
 """Largest number of attempts with rising precision."""
 MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
-SHORTEST = 2.0**-100
-"""Shortest step as a part of the run; a shorter step indicates a singularity or accumulating events."""
 EARLY, FAR = 0.1, 0.02
 """A proof is stopped early if its steps after the first take the part ``EARLY`` of the time left then and cover less
 than the part ``FAR`` of the run: a fifth of the necessary pace. The time before the end of the first step, in which the
@@ -114,7 +110,7 @@ def certify(
     until = None if deadline is None else clock.monotonic() + deadline
     model = SystemModel(problem.system)
     horizon = max(1.0, *(abs(float(problem.system.numeric(e))) for e in (problem.start, problem.until)))
-    bits = ceil(log2(horizon / radius)) + SPARE_BITS
+    bits = ceil(log2(horizon / radius)) + 40  # for the growth of errors along the run
     last: CertifiedRun | None = None
     for attempt in range(ATTEMPTS):
         with working_precision(bits):
@@ -190,7 +186,7 @@ class _Attempt:
                 self.progress(passed / length)
             if len(self.transitions) >= MAX_TRANSITIONS:
                 return f"stopped after {MAX_TRANSITIONS} transitions, at {at}"
-            if flow.steps >= MAX_STEPS or float(now - before) < SHORTEST * max(passed, length):
+            if flow.steps >= MAX_STEPS or float(now - before) < 2.0**-100 * max(passed, length):
                 return f"steps become too short at {at}: the solution runs into a singularity"
             if self.until is not None:
                 left = self.until - clock.monotonic()

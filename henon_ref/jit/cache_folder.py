@@ -154,13 +154,7 @@ def read(file: Path) -> bytes | None:
 
 
 def write(file: Path, content: bytes) -> None:
-    """Write a file of the cache; a missing folder is made.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written; an earlier version then remains.
-    """
+    """Write a file of the cache; a missing folder is made. OSError if it cannot be; an earlier version then remains."""
     file.parent.mkdir(mode=PRIVATE, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent)
     try:

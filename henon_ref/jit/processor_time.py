@@ -75,18 +75,11 @@ def waited_seconds(pid: int) -> float:
 
 
 class Deadline:
-    """Limit of the processor time of a run from now on, without compilation.
+    """Limit of the processor time of a run from now on, without compilation [s]; None: no limit.
 
-    Parameters
-    ----------
-    seconds : float, optional
-        None: no limit.
-
-    Attributes
-    ----------
-    look_at : float
-        Earliest possible time of passing, by :func:`time.perf_counter`, since a thread has no more processor time than
-        wall time. A frequent caller compares with it before it calls :meth:`passed`: a tenth of the cost.
+    ``look_at`` is the earliest possible time of passing, by :func:`time.perf_counter`, since a thread has no more
+    processor time than wall time. A frequent caller compares with it before it calls :meth:`passed`: a tenth of the
+    cost.
     """
 
     __slots__ = ("_ends", "look_at")

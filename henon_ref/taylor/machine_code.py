@@ -43,11 +43,7 @@ class Part:
 def machine_code(*parts: Part, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
     """Return the native module of some functions; equal parts give the same module.
 
-    Parameters
-    ----------
-    *parts : Part
-    optimised, simplified
-        See :class:`henon_ref.jit.native_module.NativeModule`.
+    ``optimised``, ``simplified``: see :class:`henon_ref.jit.native_module.NativeModule`.
     """
 
     def written() -> str:

@@ -53,7 +53,6 @@ def expand(
 
     Parameters
     ----------
-    tape : Tape
     constants : sequence
         ``tape.constants`` as numbers of the ring.
     time, state
@@ -90,12 +89,7 @@ def along(
 ) -> tuple[list[Series], list[Any]]:
     """Taylor coefficients of a tape's outputs along a known motion, and the first coefficient of every node.
 
-    Parameters
-    ----------
-    tape, constants, time, order, ring, unit
-        As in :func:`expand`.
-    states : sequence of n lists of ``order + 1`` coefficients
-        In the given time unit.
+    As :func:`expand`, but ``states`` are n lists of ``order + 1`` known coefficients, in the given time unit.
     """
     series, steps = _recurrences(tape, constants, time, states, ring, unit)
     for k in range(order + 1):

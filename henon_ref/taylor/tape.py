@@ -93,7 +93,6 @@ def build_tape(
 
     Parameters
     ----------
-    states : sequence of Symbol
     field : iterable of Expr
         x_i' in time, states and constants (parameters, slip signs: every other symbol).
     outputs : iterable of Expr

@@ -38,9 +38,6 @@ PROOF_SECONDS = 60.0
 BARREN_SECONDS = 3.0
 """Time limit of a proof if the run fails before its first transition, so that there is little to prove [s]."""
 
-END_TOLERANCE = 1e-12
-"""Relative tolerance of the end time that a case expects; the time of a blow-up is an extrapolation."""
-
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the part of it that is done, 0 to 1."""
 
@@ -223,7 +220,8 @@ def _check_end(reading: Reading, truth: Truth) -> None:
         raise TruthError(f"the case expects status {expect.status}, computed is {truth.status} ({truth.reason})")
     if expect.time is not None:
         late = truth.end_time - float(expect.time)
-        if abs(late) > truth.end_radius + END_TOLERANCE * max(abs(truth.end_time), abs(float(expect.time))):
+        extrapolated = 1e-12 * max(abs(truth.end_time), abs(float(expect.time)))  # as the time of a blow-up is
+        if abs(late) > truth.end_radius + extrapolated:
             raise TruthError(
                 f"the case expects the end at t = {float(expect.time):.17g}, computed is {truth.end_digits}"
             )

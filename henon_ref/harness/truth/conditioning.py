@@ -52,24 +52,10 @@ Vector = NDArray[np.float64]
 
 TOLERANCE = 1e-12
 """Tolerance of the variational equations, relative to the size of each component on the interval."""
-AT_ONCE = 1e-9
-"""A guard counts as fallen if its root is nearer than this part of the mode's duration."""
 
 
 def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -> list[float]:
-    """Compute the conditioning of every transition.
-
-    Parameters
-    ----------
-    problem : Problem
-    transitions : sequence of ReferenceTransition
-        All of them, from the start on.
-
-    Returns
-    -------
-    list of float
-        c_i [s / unit of state]; ``inf`` for a graze.
-    """
+    """Compute c_i [s / unit of state] of all transitions from the start on; ``inf`` for a graze."""
     transitions = tuple(transitions)
     flow, n = _Variations(problem.system), len(problem.initial)
     time, state = float(problem.start), np.array([float(v) for v in problem.initial])
@@ -133,7 +119,7 @@ def _fallen_guards(
         away = abs(value / rate) if rate < 0 else inf
         candidates.append((away, (guard, gradient, rate if rate < 0 else 0.0)))
     nearest = min((away for away, _ in candidates), default=inf)
-    limit = max(2 * nearest, AT_ONCE * length)
+    limit = max(2 * nearest, 1e-9 * length)
     return [fall for away, fall in candidates if away <= limit]
 
 

@@ -23,11 +23,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
 
-RADIUS = 1e-30
-"""Required radius of every transition time, as a part of the run's length and at most this many seconds."""
-SMALLEST = 1e-80
-"""Radius with which an exact number is written."""
-
 CLOSED_FORM_BITS, CLOSED_FORM_PLACES = 320, 80
 """Working precision of a closed form, more than the truth's 256 bits, so that its rounding does not matter; decimal
 places of a closed form in a truth."""
@@ -37,22 +32,12 @@ _STATUS: dict[Ended, Status] = {"horizon": "ok", "invalid": "invalid", "nonuniqu
 
 
 def prove(problem: Problem, *, seconds: float | None = None, progress: Progress | None = None) -> Route:
-    """Prove as many transitions as possible.
+    """Prove as many transitions as possible, each to 1e-30 of the run's length and to at most 1e-30 s.
 
-    Parameters
-    ----------
-    problem : Problem
-    seconds : float, optional
-        Time limit.
-    progress : callable, optional
-
-    Returns
-    -------
-    Route
-        ``undecided`` is the reason why the proof stopped before the end, if it did.
+    ``seconds``: time limit. ``undecided`` of the result is the reason why the proof stopped before the end, if it did.
     """
     begun, span = perf_counter(), float(problem.until - problem.start)
-    run = certify(problem, radius=max(RADIUS * min(1.0, span), float_info.min), deadline=seconds, progress=progress)
+    run = certify(problem, radius=max(1e-30 * min(1.0, span), float_info.min), deadline=seconds, progress=progress)
     with working_precision(run.bits + GUARD_BITS):
         radius = _radius(run.time)
         return Route(
@@ -69,29 +54,17 @@ def prove(problem: Problem, *, seconds: float | None = None, progress: Progress 
 
 
 def _radius(*balls: arb) -> float:
-    """Radius around the written digits that contains every ball."""
-    return written_radius(max(SMALLEST, *(float(ball.rad()) for ball in balls)))
+    """Radius around the written digits that contains every ball; 1e-80 for exact numbers."""
+    return written_radius(max(1e-80, *(float(ball.rad()) for ball in balls)))
 
 
 def with_closed_forms(
     transitions: Sequence[ReferenceTransition], times: Sequence[sp.Expr], modes: Sequence[Mode] = ()
 ) -> tuple[ReferenceTransition, ...]:
-    """Replace the first computed times by the closed forms.
+    """Replace the first computed times by their closed forms [s]; check the exact modes after the first transitions.
 
-    Parameters
-    ----------
-    transitions : sequence of ReferenceTransition
-        As computed.
-    times : sequence of Expr
-        Exact times [s] from the first transition on.
-    modes : sequence of Mode
-        Exact mode after each transition, from the first one on.
-
-    Raises
-    ------
-    TruthError
-        If a closed form is not within the radius of the computed time, or if there are more closed forms than
-        transitions.
+    TruthError if a closed form is not within the radius of the computed time, if a mode differs, or if there are more
+    closed forms than transitions.
     """
     if len(times) > len(transitions):
         raise TruthError(

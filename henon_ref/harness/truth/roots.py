@@ -18,8 +18,6 @@ END = 1 + 2.0**-40
 """End of the search, slightly after the step, where its polynomial still holds: finds a root at the step's end."""
 SPLIT = 0.5078125
 """Split point of a piece, as a part of it; not 0.5, so that a root at a simple fraction of a step is on no boundary."""
-LEAST_SEPARATION = 2.0**-10
-"""Distance of a pair of roots, as a part of the step, below which a minimum without roots counts as a near graze."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +37,8 @@ NearMiss = tuple[arb, arb]
 def isolate(coefficients: Sequence[arb], zero: arb) -> tuple[list[Root], list[NearMiss]]:
     """Locate all roots and near misses on (0, END], in order.
 
-    Parameters
-    ----------
-    coefficients : sequence of arb
-        Lowest first, in units of the step. The polynomial must not be zero at 0: divide it by any power of the
-        variable that is a known factor.
-    zero : arb
-        Bound below which an extremum counts as zero.
+    The coefficients are in units of the step, lowest first. The polynomial must not be zero at 0: divide it by any
+    power of the variable that is a known factor. An extremum below ``zero`` counts as zero.
     """
     search = _Search(arb_poly(list(coefficients)), zero)
     search.piece(arb(0), arb(END), search.polynomial(arb_poly([END / 2, END / 2])))
@@ -114,7 +107,7 @@ class _Search:
         elif _sign(value) != _sign(curvature):  # the extremum is across zero: one root on each side of it
             self._between(a, at)
             self._between(at, b)
-        elif abs(2 * value / curvature) < LEAST_SEPARATION**2:
+        elif abs(2 * value / curvature) < 2.0**-20:  # as if a pair of roots were less than 2^-10 of the step apart
             self.near_misses.append((at, value))
 
     def _cluster(self, a: arb, b: arb, order: int) -> None:

@@ -123,10 +123,7 @@ class TruthForm(_Form):
 class StoredTruthError(TruthError):
     """The file of a truth is unusable: damaged, edited, of another case, or unreadable.
 
-    Attributes
-    ----------
-    content : Truth or None
-        Content of the file if it can be parsed; for comparison, never for scoring.
+    ``content``: content of the file if it can be parsed; for comparison, never for scoring.
     """
 
     def __init__(self, path: Path, reason: str, content: Truth | None = None) -> None:
@@ -171,10 +168,7 @@ def path_of(folder: Path, case: str, reading: str) -> Path:
 def load(folder: Path, case: str, reading: str) -> Truth | None:
     """Return the stored truth, regardless of its mathematics; None if there is none.
 
-    Raises
-    ------
-    StoredTruthError
-        If the file was not written by this package for this reading; the message says how to recompute it.
+    StoredTruthError if the file was not written by this package for this reading; the message says how to recompute it.
     """
     path = path_of(folder, case, reading)
     try:
@@ -194,13 +188,7 @@ def load(folder: Path, case: str, reading: str) -> Truth | None:
 
 
 def _parse(text: str) -> Truth:
-    """The truth that a text of this form holds; whether its checksum fits is for the caller to see.
-
-    Raises
-    ------
-    ValueError
-        For any other text; the message is one line.
-    """
+    """The truth that a text of this form holds, whether or not its checksum fits; ValueError for any other text."""
     try:
         truth = TruthForm.model_validate_json(text).truth
     except ValidationError as error:
@@ -234,13 +222,7 @@ def _contradiction(truth: Truth) -> str:
 
 
 def save(folder: Path, truth: Truth) -> Path:
-    """Store a truth; the file is written completely or not at all.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+    """Store a truth; the file is written completely or not at all. OSError if the folder cannot be written."""
     path = path_of(folder, truth.case, truth.reading)
     if folder == user_folder():  # its parent also holds compiled code, which is not used if others can write there
         folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

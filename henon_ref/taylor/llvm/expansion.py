@@ -36,17 +36,8 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     and the largest last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite
     if any coefficient is not, and the longest step that the exponentials allow.
 
-    Parameters
-    ----------
-    tape : Tape
-    states : int
-        Number of states n.
-    order : int
-        Highest order; 0 gives only the values of the outputs.
-    name : str
-        Name of the function.
-    width : int, optional
-        Doubles from one row to the next, if it is not the :func:`row_length` of the order (an order below 4).
+    ``states``: number of states n. ``order``: highest order; 0 gives only the values of the outputs. ``width``: doubles
+    from one row to the next, if it is not the :func:`row_length` of the order (an order below 4).
     """
     w = IRWriter()
     expansion = Expansion(w, tape, states, order)
@@ -62,15 +53,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
 
 
 def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:
-    """LLVM IR of a function of the same signature that only stores the value of each output at a given place.
-
-    Parameters
-    ----------
-    tape, states, name
-        See :func:`expansion_ir`.
-    places : sequence of int
-        Place of each output in ``C``.
-    """
+    """LLVM IR of a function as that of :func:`expansion_ir` that only stores the value of each output at its place."""
     w = IRWriter()
     expansion = Expansion(w, tape, states, 0)
     expansion.run()

@@ -46,10 +46,7 @@ def longest_step(w: IRWriter, exponentials: Sequence[tuple[str, Sequence[Value]]
     On a step theta <= STEP_LIMIT the argument a changes by at most abs(a_1) theta + bend theta^2, where bend is the sum
     of abs(a_j) STEP_LIMIT^(j - 2). If a is quadratic, this holds for any theta, and STEP_LIMIT is not applied.
 
-    Parameters
-    ----------
-    exponentials : sequence
-        Name and argument's coefficients of each function in :data:`GROWING`.
+    ``exponentials``: name and argument's coefficients of each function in :data:`GROWING`.
     """
     result = literal(1e30)
     for name, argument in exponentials:

@@ -33,11 +33,6 @@ class RealParameters:
     """Conversion of exact numbers to heyoka's run-time parameters, and of integers to constants.
 
     The compiled integrator then does not depend on the numbers.
-
-    Parameters
-    ----------
-    bits : int
-        Precision.
     """
 
     def __init__(self, bits: int) -> None:
@@ -70,7 +65,7 @@ class RealParameters:
 def to_heyoka(
     expression: sp.Expr, symbols: Mapping[sp.Symbol, Any], constant: Number, switches: Collection[sp.Symbol] = ()
 ) -> Any:
-    """Translate a smooth expression to heyoka.
+    """Translate a smooth expression to heyoka; ModelError if heyoka has no Taylor recurrence for a function.
 
     Parameters
     ----------
@@ -83,13 +78,7 @@ def to_heyoka(
     switches : collection of Symbol
         Symbols that are numbers in a run. All switches and numbers of a product become one parameter, because heyoka
         would compute a series for a product of several, and a product of series costs the square of the order.
-
-    Raises
-    ------
-    ModelError
-        If heyoka has no Taylor recurrence for a function.
     """
-
     telling = frozenset(switches)
 
     def parts(e: sp.Expr, walk: Walk[Any]) -> list[Any]:

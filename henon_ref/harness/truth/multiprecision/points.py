@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import sympy as sp
 from flint import arb
 
+from henon_ref.enclosure.balls import sign_of
 from henon_ref.errors import ModelError
 from henon_ref.harness.truth.multiprecision import series
 from henon_ref.method_cache import cached_method
@@ -27,11 +28,7 @@ ORDERS = (1, 3, series.ORDER)
 class SeriesEvaluation:
     """The modes of one system at one precision: the arithmetic of :func:`henon_ref.modes.after_jump.after_jump`.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    bits : int
-        Precision of the exact numbers in the equations.
+    ``bits``: precision of the exact numbers in the equations.
     """
 
     rounding = 0.0
@@ -71,7 +68,7 @@ class SeriesEvaluation:
 
     def sign(self, value: arb) -> int:
         """Sign of a value; 0 if its ball contains zero."""
-        return series.sign(value)
+        return sign_of(value)
 
 
 class Point:
@@ -140,10 +137,7 @@ class Point:
     def leading_terms(self, mode: Mode, active: frozenset[int]) -> list[Leading | None] | None:
         """Leading term of each guard of a mode just after the point; None if the field is not finite.
 
-        Parameters
-        ----------
-        active : frozenset of int
-            Surfaces that the point is exactly on.
+        ``active``: surfaces that the point is exactly on.
         """
         try:
             guards = self.system.equations(mode).guards

@@ -36,37 +36,20 @@ log = logging.getLogger(__name__)
 
 LADDER = ((256, 224), (512, 448), (1024, 896))
 """Pairs of precisions [bits], tried in turn; the digits come from the first precision of a pair."""
-WANTED = 1e-30
-"""Required radius, as a part of the run's length."""
-PARTS = (0.55, 0.45)
-"""Part of the time limit for each run of a pair; the lower precision takes less time."""
 LONG, SURE = 5.0, 0.2
 """Expected remaining processor time of the first run [s] beyond which a second process is worth its start of 2 s; the
 least part of the run from which it is estimated."""
-ROUNDING = 2.0**16
-"""Smallest radius, in units of rounding, in case two runs agree by chance."""
 
 
 def multiprecision(problem: Problem, *, progress: Progress | None = None, seconds: float | None = None) -> Route:
     """Compute a problem's transitions with heyoka in multiprecision.
 
-    Parameters
-    ----------
-    problem : Problem
-    progress : callable, optional
-        Called with the part that is done, 0 to 1.
-    seconds : float, optional
-        Processor time limit [s], after which the route ends with the transitions found so far.
-
-    Returns
-    -------
-    Route
-        With status ``failed`` if the precisions do not suffice to decide an event; it then has the transitions
-        before that event.
+    ``seconds``: processor time limit [s], after which the route ends with the transitions found so far. The status is
+    ``failed`` if the precisions do not suffice to decide an event; the route then has the transitions before it.
     """
     began, left = perf_counter(), math.inf if seconds is None else seconds
     for pair in LADDER:
-        runs = _runs(problem, pair, progress, [left * part for part in PARTS])
+        runs = _runs(problem, pair, progress, [0.55 * left, 0.45 * left])  # the lower precision takes less time
         route = _agreed(problem, *runs, seconds=perf_counter() - began)
         if not route.undecided or any(run.out_of_time for run in runs):
             return route
@@ -160,8 +143,8 @@ def _agreed(problem: Problem, high: Run, low: Run, *, seconds: float) -> Route:
         start, until = exact_ball(problem.start, high.bits), exact_ball(problem.until, high.bits)
         span = max(abs(float(start)), float(until - start))
         pairs = list(takewhile(lambda pair: _same(*pair), zip(high.instants, low.instants, strict=False)))
-        floor = ROUNDING * 2.0**-low.bits
-        kept = list(takewhile(lambda pair: _time_radius(*pair, floor * span) <= WANTED * span, pairs))
+        floor = 2.0 ** (16 - low.bits)  # smallest radius, in case two runs agree by chance
+        kept = list(takewhile(lambda pair: _time_radius(*pair, floor * span) <= 1e-30 * span, pairs))
         size = max((abs(float(v)) for instant in high.instants for t in instant for v in t.state), default=0.0) or 1.0
         transitions = tuple(t for pair in kept for t in _transitions(*pair, floor * span, floor * size))
         undecided = ""

@@ -75,26 +75,10 @@ class _Hit:
 
 
 def simulate(problem: Problem, bits: int, *, progress: Progress | None = None, seconds: float | None = None) -> Run:
-    """Run a problem at one precision.
+    """Run a problem at heyoka's precision ``bits``: every event up to the horizon, or to an earlier end of the run.
 
-    Parameters
-    ----------
-    problem : Problem
-    bits : int
-        heyoka's precision; a tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact.
-    progress : callable, optional
-    seconds : float, optional
-        Limit on the processor time of the run [s].
-
-    Returns
-    -------
-    Run
-        Every event up to the horizon, or up to an earlier end of the run.
-
-    Raises
-    ------
-    UnsupportedError
-        If too many contacts with static friction act on each other at once.
+    A tie or a tangency within ``2**(-3/4 bits)`` (relative) counts as exact. ``seconds`` limits the processor time of
+    the run [s]. UnsupportedError if too many contacts with static friction act on each other at once.
     """
     begun = process_time()
     with working_precision(bits + GUARD_BITS):

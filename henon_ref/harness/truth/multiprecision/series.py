@@ -13,6 +13,7 @@ from operator import add, mul
 import sympy as sp
 from flint import arb, arb_series, ctx
 
+from henon_ref.enclosure.balls import sign_of
 from henon_ref.errors import ModelError
 from henon_ref.expressions.traversal import Rules, Walk, fold
 from henon_ref.harness.truth.multiprecision.numbers import exact_ball
@@ -75,25 +76,10 @@ def along(
     bits: int,
     order: int = ORDER,
 ) -> list[list[arb]]:
-    """Taylor coefficients in time of functions along the solution through a point.
+    """Taylor coefficients in time of functions (``outputs``) along the solution through a point.
 
-    Parameters
-    ----------
-    field, outputs : sequence of Expr
-        x' and the functions, in time and states, without parameters.
-    states : sequence of Symbol
-    time, point : arb
-        Initial point of the solution, with its radii.
-
-    Returns
-    -------
-    list of lists of arb
-        ``order + 1`` coefficients per output; they enclose the coefficients for every point within the radii.
-
-    Raises
-    ------
-    ModelError
-        If a function has no power series here.
+    ``field`` (x') and ``outputs`` are in time and states, without parameters. The ``order + 1`` coefficients of each
+    output enclose those for every point within the radii. ModelError if a function has no power series here.
     """
     cap = ctx.cap
     ctx.cap = order + 1
@@ -114,14 +100,9 @@ def along(
     raise AssertionError("unreachable")
 
 
-def sign(value: arb) -> int:
-    """-1 or +1 if the ball excludes zero, else 0 (also if it is not finite)."""
-    return 0 if not value.is_finite() or value.contains(0) else (1 if value > 0 else -1)
-
-
 def leading(coefficients: Sequence[arb], first: int = 0) -> tuple[int, int] | None:
     """(index, sign) of the first coefficient from ``first`` on that is proven nonzero, or None."""
     for k in range(first, len(coefficients)):
-        if s := sign(coefficients[k]):
-            return k, s
+        if sign := sign_of(coefficients[k]):
+            return k, sign
     return None

@@ -31,16 +31,6 @@ from henon_ref.taylor.tape import TIME
 
 PIECES = 16
 """Subintervals of a step on which double precision first tries to show that a guard has no root."""
-HALVINGS = 100
-"""Largest number of halvings of a step, after which it is considered not to converge."""
-LOOSE = 1e3
-"""Largest remainder that is accepted, as a multiple of the solution's change on the step."""
-OPTIMIZED = 1
-"""LLVM's optimization level for equations that all modes share, which are compiled once: steps take 0.8 of the time of
-level 0, with the same digits, and compilation two to three times as long. Modes with equations of their own have
-level 0, since their compilation takes longer than their steps."""
-ROUNDINGS = 2.0**8
-"""Remainder that is accepted as rounding, in units in the last place."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +83,7 @@ def _unless_constant(slope: sp.Expr, system: FilippovSystem, sliding: Collection
 class Stepper:
     """Integrator of all modes that share their equations with a given mode.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    mode : Mode
-    bits : int
-        Precision, from which heyoka chooses its order and steps.
+    ``bits``: precision, from which heyoka chooses its order and steps.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode, bits: int) -> None:
@@ -136,7 +121,8 @@ class Stepper:
         rhs = tuple([to_heyoka(e, symbols, self._numbers, switches) for e in self._rhs])
         self._shortened: Any = None
         """Length of the last step if heyoka's choice of it was shortened, else None."""
-        level = 0 if self._shared is None else OPTIMIZED
+        # Level 1: steps take 0.8 of the time, compilation two to three times as long, which pays only if it is shared.
+        level = 0 if self._shared is None else 1
         self._integrator = _integrator(tuple(variables), rhs, bits, len(self._numbers), level)
 
     @property
@@ -169,7 +155,7 @@ class Stepper:
         if self._shortened is not None:
             room = min(room, self._shortened * two)
         self._shortened = None
-        for _ in range(HALVINGS):
+        for _ in range(100):
             outcome, length = integrator.step(room, write_tc=True)
             step = self._scaled(begin, length, outcome)
             if not step.finite or self._trusted(step):
@@ -194,7 +180,8 @@ class Stepper:
         heyoka chooses the length from the last coefficients, assuming that later ones are smaller. If a drive is almost
         constant at first (a pulse in the far future, with tiny derivatives now), later coefficients are larger, and the
         step would miss the pulse. For rows whose coefficients do not decrease, Lagrange's remainder of order
-        ``series.ORDER`` is therefore enclosed over the step.
+        ``series.ORDER`` is therefore enclosed over the step; accepted are 1000 times the solution's change on the
+        step, and rounding.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
         rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
@@ -211,9 +198,9 @@ class Stepper:
             slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
         except (ZeroDivisionError, ValueError):
             return False
-        floor = ROUNDINGS * 2.0**-self.bits * max(1e-300, float(np.abs(step.rough).max()))
+        floor = 2.0 ** (8 - self.bits) * max(1e-300, float(np.abs(step.rough).max()))
         return all(
-            bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(LOOSE * variations[i], floor))
+            bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(1e3 * variations[i], floor))
             for i, c in zip(rows, slopes, strict=True)
         )
 
@@ -255,10 +242,7 @@ class Stepper:
     def clear_until(self, step: Step, guard: int, skipped: int) -> float:
         """End of the part of the step on which double precision shows that a guard has no root, in units of the step.
 
-        Parameters
-        ----------
-        skipped : int
-            Number of leading coefficients that are known to be zero.
+        ``skipped``: number of leading coefficients that are known to be zero.
         """
         c = step.rough[self._rows[guard], skipped:]
         if not np.isfinite(c).all():

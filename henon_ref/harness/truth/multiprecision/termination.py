@@ -18,16 +18,10 @@ from henon_ref.harness.truth.reference import NearGraze
 from henon_ref.modes.equations import Guard
 from henon_ref.trajectory import Status
 
-HUGE = 1e100
-"""Size of a state beyond which the solution has blown up."""
-RESOLUTION = 2.0**-53
-"""Distance of two events, as a part of the run, below which they count as crowded."""
 CROWD = 16
 """Number of successive crowded events from which on transitions count as accumulating."""
 CYCLE = 4
 """Number of events, a multiple of a cycle's, after which the gaps between crowded events shrink by one factor."""
-GRAZE_DISTANCE, GRAZE_FACTOR = 1e-3, 0.1
-"""Distance below which the approach to a surface is recorded, and the factor by which the next record is closer."""
 MEMORY = 24
 """Number of steps compared to distinguish a blow-up (increments persist) from a singular field (they decrease)."""
 
@@ -35,14 +29,8 @@ MEMORY = 24
 class EndedError(Exception):
     """The run ends before its horizon.
 
-    Parameters
-    ----------
-    status : Status
-    reason : str
-    time : arb, optional
-        End of the run [s], if it is not the time that the run has reached.
-    accumulates : bool
-        Whether infinitely many further events are before that time.
+    ``time``: end of the run [s], if it is not the time that the run has reached. ``accumulates``: infinitely many
+    further events are before that time.
     """
 
     def __init__(self, status: Status, reason: str, time: arb | None = None, *, accumulates: bool = False) -> None:
@@ -54,14 +42,9 @@ class EndedError(Exception):
 
 
 class Termination:
-    """Detector of an early end of one run.
+    """Detector of an early end of one run of length ``span`` [s].
 
-    Parameters
-    ----------
-    span : float
-        Length of the run [s].
-    bits : int
-        Precision; a step shorter than ``2**(-bits / 2)`` of the run indicates a singularity.
+    A step shorter than ``2**(-bits / 2)`` of the run indicates a singularity.
     """
 
     def __init__(self, span: float, bits: int) -> None:
@@ -73,13 +56,10 @@ class Termination:
     def event(self, times: Sequence[arb]) -> None:
         """Check the times of the latest events (the last ``CROWD`` are enough), including the new event.
 
-        Raises
-        ------
-        EndedError
-            If events accumulate (Zeno); their limit is extrapolated by Aitken's delta-squared process.
+        EndedError if events accumulate (Zeno); their limit is extrapolated by Aitken's delta-squared process.
         """
         self._increments.clear()
-        if len(times) < 3 or float(times[-1] - times[-2]) > RESOLUTION * max(abs(float(times[-1])), self.span):
+        if len(times) < 3 or float(times[-1] - times[-2]) > 2.0**-53 * max(abs(float(times[-1])), self.span):
             self._crowded = 0
             return
         self._crowded += 1
@@ -90,22 +70,13 @@ class Termination:
         raise EndedError("failed", f"transitions accumulate at t = {written(limit)}", limit, accumulates=True)
 
     def step(self, step: Step, states: int, guards: Sequence[Guard], room: arb) -> None:
-        """Check a step without an event.
+        """Check a step without an event; EndedError if the solution, or a function that its events depend on, ends.
 
-        Parameters
-        ----------
-        states : int
-            Number of states: the first rows of the step's coefficients; the guards' rows follow.
-        room : arb
-            Time left to the horizon [s].
-
-        Raises
-        ------
-        EndedError
-            If the solution, or a function that its events depend on, ends.
+        ``states``: number of states, the first rows of the step's coefficients; the guards' rows follow. ``room``: time
+        left to the horizon [s].
         """
         rough = step.rough[:states]
-        if np.abs(rough).max() > HUGE:
+        if np.abs(rough).max() > 1e100:
             raise EndedError("diverged", f"the state leaves every bound at t = {written(to_ball(step.time))}")
         self._increments.append(float(np.abs(rough[:, 1:].sum(axis=1)).max()))
         if float(step.length) > self.shortest or room < self.shortest:
@@ -125,13 +96,7 @@ class Termination:
 
 
 class Approaches:
-    """Near grazes: surfaces that come closer during a mode without being reached.
-
-    Parameters
-    ----------
-    found : list of NearGraze
-        List to which the near grazes of a mode are appended when it ends.
-    """
+    """Near grazes: surfaces that come closer during a mode without being reached; appended to a list when it ends."""
 
     def __init__(self, found: list[NearGraze]) -> None:
         self._found = found
@@ -139,12 +104,15 @@ class Approaches:
         """Closest approaches per surface since the mode began, in order of decreasing distance."""
 
     def step(self, end: float, values: Iterable[tuple[int, float]]) -> None:
-        """Record the distances of surfaces after a step without an event, from pairs (surface, its value)."""
+        """Record the distances of surfaces after a step without an event, from pairs (surface, its value).
+
+        Distances below 1e-3 are recorded, each at most a tenth of the one before.
+        """
         for surface, value in values:
             distance, known = abs(value), self._of.setdefault(surface, [])
             while known and known[-1].distance <= distance:
                 known.pop()
-            if distance <= GRAZE_DISTANCE and (not known or distance <= GRAZE_FACTOR * known[-1].distance):
+            if distance <= 1e-3 and (not known or distance <= 0.1 * known[-1].distance):
                 known.append(NearGraze(end, surface, distance, lasts=True))
 
     def keep(self) -> None:
