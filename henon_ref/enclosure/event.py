@@ -18,15 +18,8 @@ from henon_ref.enclosure.impacts import Rest
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 
-
-@dataclass(frozen=True)
-class Root:
-    """A bracket [low, high] of one transversal zero: the guard is positive before it and negative after it."""
-
-    low: float
-    high: float
-    curve: Curve
-    """The guard, expanded near the bracket."""
+Bracket = tuple[float, float, Curve]
+"""[low, high] of one transversal zero, the guard being positive before and negative after it; the guard near it."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +55,7 @@ def guard_curve(coefficients: Sequence[arb], deviations: Sequence[arb], tails: S
     return Curve.of(total[zeros:], tails)
 
 
-def scan(curve: Curve, end: float, armed: bool, name: str) -> tuple[Root | None, bool]:
+def scan(curve: Curve, end: float, armed: bool, name: str) -> tuple[Bracket | None, bool]:
     """Locate the first root in (0, end] at which a guard falls through zero, or prove that there is none.
 
     ``armed``: the guard is positive just after 0; else it may start negative, and its falls count only after it was
@@ -87,7 +80,7 @@ def scan(curve: Curve, end: float, armed: bool, name: str) -> tuple[Root | None,
         if armed and low == 0.0 and (sign < 0 or shape == "rises"):
             raise UndecidedError(f"{name} is negative where it should start positive", "start")
         if shape == "falls":
-            return Root(low, high, curve), True
+            return (low, high, curve), True
         if shape in ("stays positive", "rises"):
             positive = armed = True
             continue
@@ -132,13 +125,12 @@ def _graze(name: str, low: float, value: arb) -> str:
     )
 
 
-def refine(root: Root) -> arb:
+def refine(low: float, high: float, curve: Curve) -> arb:
     """Enclose the unique root, for every solution of the set, by interval Newton (Moore, 1966).
 
     With m the midpoint of the enclosure X, every root in X is in ``m - g(m) / g'(X)`` too.
     """
-    curve = root.curve
-    ball = interval(root.low, root.high)
+    ball = interval(low, high)
     width = inf
     while True:
         middle = ball.mid()
@@ -160,15 +152,15 @@ def first_root(curves: Sequence[tuple[Curve, bool, str]], end: float) -> tuple[t
     to fall before that time. UndecidedError if a sign cannot be proven, or if the root enclosures of two guards overlap
     (``tie``).
     """
-    found: list[tuple[int, Root]] = []
+    found: list[tuple[int, Bracket]] = []
     armed = [was for _, was, _ in curves]
     for index, (curve, was, name) in enumerate(curves):
-        root, armed[index] = scan(curve, end, was, name)
-        if root is not None:
-            found.append((index, root))
-            end = min(end, root.high)
+        bracket, armed[index] = scan(curve, end, was, name)
+        if bracket is not None:
+            found.append((index, bracket))
+            end = min(end, bracket[1])
     # `end` shrinks during the scans; a root found before may be after it, but its bracket is still valid.
-    roots = [(index, refine(root)) for index, root in found]
+    roots = [(index, refine(*bracket)) for index, bracket in found]
     if not roots:
         return None, armed
     first_index, first = min(roots, key=lambda item: float(item[1].mid()))

@@ -283,11 +283,11 @@ class ValidatedFlow:
         self, centre: list[arb], derivative: list[list[arb]], offsets: Sequence[arb], on: tuple[int, ...]
     ) -> None:
         """Set each state for which a surface that is now exactly zero is solved."""
-        for solved in self.model.solved(on):
-            k = solved.index + 1
+        for index, value, gradient in self.model.solved(on):
+            k = index + 1
             over = self.model.at([c + _dot(r, offsets) for c, r in zip(centre, derivative, strict=True)])
-            centre[k] = enclose(solved.value, self.model.at(centre))
-            slopes = [(i, enclose(g, over)) for i, g in enumerate(solved.gradient) if i != k]
+            centre[k] = enclose(value, self.model.at(centre))
+            slopes = [(i, enclose(g, over)) for i, g in enumerate(gradient) if i != k]
             derivative[k] = [sum((g * derivative[i][j] for i, g in slopes), arb(0)) for j in range(len(centre))]
 
     def _move(self, centre: Sequence[arb], derivative: list[list[arb]]) -> None:

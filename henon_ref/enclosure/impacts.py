@@ -172,8 +172,8 @@ class Accumulation:
         ]
         settled = [begin[0] + time, *end]
         zeros = [self.model.system.numeric(zero) for zero in kept_zero(self.model.system, self.index)]
-        for solved in solve_for_states(zeros, self.model.system.states):
-            settled[solved.index + 1] = enclose(solved.value, self.model.at(settled))
+        for index, value, _ in solve_for_states(zeros, self.model.system.states):
+            settled[index + 1] = enclose(value, self.model.at(settled))
         return Rest(self.stuck, tuple(settled))
 
     def _kept(self) -> tuple[list[arb], arb, arb]:

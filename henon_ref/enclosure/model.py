@@ -63,14 +63,8 @@ def _without_factor(expression: sp.Expr) -> sp.Expr:
     return up_to_a_number(sp.expand(expression))[0]
 
 
-@dataclass(frozen=True)
-class SolvedState:
-    """A surface written as ``x_k = value(t, other states)``."""
-
-    index: int
-    value: sp.Expr
-    gradient: tuple[sp.Expr, ...]
-    """Derivatives of ``value`` by t and by every state (0 by x_k itself)."""
+SolvedState = tuple[int, sp.Expr, tuple[sp.Expr, ...]]
+"""A surface written as ``x_k = value(t, other states)``: k, the value, and its derivatives by t and by every state."""
 
 
 class ModeModel:
@@ -169,4 +163,4 @@ def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> l
     """Solve each expression that is linear in a state, with a constant factor, for that state; no state twice."""
     values = Identities.of(zeros, states).values
     gradients = {x: tuple(sp.diff(value, y) for y in (TIME, *states)) for x, value in values.items()}
-    return [SolvedState(states.index(x), value, gradients[x]) for x, value in values.items()]
+    return [(states.index(x), value, gradients[x]) for x, value in values.items()]

@@ -103,7 +103,7 @@ class ReturnMap:
         slid_on = [i for i in sorted(on) if guess.mode[i] == 0]
         zeros += [system.numeric(speed) for i in slid_on for speed in kept_zero(system, i)[1:]]
         self.solved = solve_for_states(zeros, system.states)
-        taken = {s.index for s in self.solved}
+        taken = {index for index, _, _ in self.solved}
         self.free = [i for i in range(len(guess.state)) if i not in taken]
         """Indices of the states that are coordinates of the map."""
 
@@ -156,8 +156,8 @@ class ReturnMap:
         state = [arb(0)] * len(self.guess.state)
         for i, value in zip(self.free, free, strict=True):
             state[i] = value
-        for solved in reversed(self.solved):
-            state[solved.index] = enclose(solved.value, self.model.at((self.time, *state)))
+        for index, value, _ in reversed(self.solved):
+            state[index] = enclose(value, self.model.at((self.time, *state)))
         return state
 
     def _derivative(self, whole: arb_mat, at: Sequence[arb]) -> arb_mat:
@@ -166,9 +166,9 @@ class ReturnMap:
         columns: list[list[arb]] = []
         for i in self.free:
             column = [arb(int(k == i + 1)) for k in range(len(at))]
-            for solved in reversed(self.solved):
-                gradient = [enclose(g, values) for g in solved.gradient]
-                column[solved.index + 1] = sum((g * c for g, c in zip(gradient, column, strict=True)), arb(0))
+            for index, _, gradient in reversed(self.solved):
+                slopes = [enclose(g, values) for g in gradient]
+                column[index + 1] = sum((g * c for g, c in zip(slopes, column, strict=True)), arb(0))
             columns.append(column)
         return arb_mat(
             [

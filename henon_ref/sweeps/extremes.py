@@ -37,7 +37,7 @@ MOST_PIECES = 4096
 """Largest number of pieces of one run that are halved at a time; more occur only if rounding errors dominate."""
 MOST_NUMBERS = 1 << 22
 """Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
-NUMPY = Ring({name: getattr(np, name) for name in FUNCTIONS}, np.power)
+NUMPY: Ring = {name: getattr(np, name) for name in FUNCTIONS} | {"power": np.power}
 """Ring of arrays of doubles."""
 
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from operator import add, mul, sub
 from typing import Any
 
@@ -24,19 +23,11 @@ from henon_ref.taylor.rules import (
 )
 from henon_ref.taylor.tape import Node, Tape
 
-
-@dataclass(frozen=True)
-class Ring:
-    """Elementary functions of a number type that has + - * / with itself and with int."""
-
-    functions: dict[str, Callable[[Any], Any]]
-    """sin, cos, tan, sinh, cosh, tanh, asin, acos, atan, exp, log, sqrt."""
-    power: Callable[[Any, Any], Any]
-    """(base, constant exponent) -> base**exponent."""
-
-
-FLOAT = Ring({name: getattr(math, name) for name in FUNCTIONS}, math.pow)
-BALL = Ring({name: getattr(arb, name) for name in FUNCTIONS}, arb.__pow__)
+Ring = Mapping[str, Callable[..., Any]]
+"""Functions of a number type that has + - * / with itself and with int, by operation: ``sin`` ... ``sqrt`` of
+:data:`henon_ref.expressions.grammar.FUNCTIONS`, and ``power`` of a base and a constant exponent."""
+FLOAT: Ring = {name: getattr(math, name) for name in FUNCTIONS} | {"power": math.pow}
+BALL: Ring = {name: getattr(arb, name) for name in FUNCTIONS} | {"power": arb.__pow__}
 
 
 def expand(
@@ -133,14 +124,14 @@ def _step(
         case Quotient(above=above):
             return _reciprocal(y, a, c[0], m) if above == "c" else _ratio(y, a, b, n)
         case Power():
-            return _power(y, a, c[0], ring.power)
+            return _power(y, a, c[0], ring[op])
         case Root():
-            return _root(y, a, ring.functions[op])
+            return _root(y, a, ring[op])
         case IntegralOfProduct(sign, factor):
             q, n = (y, node.degree) if factor == SELF else (b, n)
-            return _integral_of_product(y, a, q, m, n, sign, ring.functions[op])
+            return _integral_of_product(y, a, q, m, n, sign, ring[op])
         case IntegralOfQuotient(sign):
-            return _integral_of_quotient(y, a, b, n, sign, ring.functions[op])
+            return _integral_of_quotient(y, a, b, n, sign, ring[op])
 
 
 def _listed(y: Series, values: Series, zero: Any) -> Step:

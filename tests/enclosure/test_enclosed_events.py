@@ -25,7 +25,7 @@ def test_pair_of_roots_is_told_from_none(exponent: int) -> None:
     gap = arb(10) ** -exponent
     bracket, _ = scan(parabola(gap), 2.0, True, "g")
     assert bracket is not None
-    root = refine(bracket)
+    root = refine(*bracket)
     assert root.overlaps(1 - gap.sqrt())
     assert root.rad() < 1e-10 * gap.sqrt()
     assert scan(parabola(-gap), 2.0, True, "g")[0] is None
@@ -55,7 +55,7 @@ def test_start_on_the_surface_divides_the_zero_out() -> None:
     coefficients = [arb(0, 1e-30), arb(1), arb(-1)]
     root, _ = scan(guard_curve(coefficients, [], [], 1), 1.5, True, "g")
     assert root is not None
-    assert refine(root).overlaps(arb(1))
+    assert refine(*root).overlaps(arb(1))
     with pytest.raises(UndecidedError, match="starts at zero"):
         scan(guard_curve(coefficients, [], [], 0), 1.5, True, "g")
 
@@ -64,7 +64,7 @@ def test_two_known_zeros_at_a_release() -> None:
     coefficients = [arb(0, 1e-30), arb(0, 1e-30), arb(3), arb(-4)]
     root, _ = scan(guard_curve(coefficients, [], [Tail(4, 1e-20, 2.0)], 2), 1.0, True, "g")
     assert root is not None
-    assert refine(root).contains(arb(3) / 4)
+    assert refine(*root).contains(arb(3) / 4)
 
 
 def test_negative_start_is_refused_unless_it_may_rise() -> None:
@@ -79,14 +79,14 @@ def test_unarmed_guard_that_is_positive_counts_at_once() -> None:
     """1 - s falls within its very first piece (a stick's release that rises and falls on one step)."""
     root, _ = scan(Curve.of([arb(1), arb(-1)], []), 3.0, False, "g")
     assert root is not None
-    assert refine(root).contains(1)
+    assert refine(*root).contains(1)
 
 
 def test_unarmed_guard_rises_then_falls() -> None:
     """-(s - 1)(s - 2): rises at 1, counts from there, falls at 2."""
     root, _ = scan(Curve.of([arb(-2), arb(3), arb(-1)], []), 4.0, False, "g")
     assert root is not None
-    assert refine(root).contains(2)
+    assert refine(*root).contains(2)
 
 
 def test_first_of_several_guards_and_a_tie() -> None:
