@@ -19,6 +19,7 @@ import sympy as sp
 
 from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.expressions.traversal import size
+from henon_ref.modes.equations import along as rate_along
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -141,12 +142,8 @@ class TangentAnalysis:
         """Second derivative of h along one field, on the surface."""
         system = self.system
         sign = {system.signs[self.surface]: sp.Integer(side)}
-        field = [f.xreplace(sign) for f in system.field]
-        normal = system.normal_velocity(self.surface).xreplace(sign)
-        rate = sp.diff(normal, TIME) + sp.Add(
-            *(sp.diff(normal, x) * f for x, f in zip(system.states, field, strict=True))
-        )
-        return self.on_surface(rate)
+        field = tuple(f.xreplace(sign) for f in system.field)
+        return self.on_surface(rate_along(system.normal_velocity(self.surface).xreplace(sign), system.states, field))
 
     def stick_zones(self) -> list[StickZone]:
         """Return the intervals between tangent points with sigma < 0, highest first; the parameters must be numbers."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import log2
 
-import sympy as sp
 from flint import arb, arb_mat
 
 from henon_ref.enclosure.balls import enclose
@@ -16,7 +15,7 @@ from henon_ref.enclosure.impacts import Accumulation, ProvenMaps, Rest
 from henon_ref.enclosure.lohner import PointSet, diagonal
 from henon_ref.enclosure.mode_selection import entry_after, entry_after_jump, entry_at_rest
 from henon_ref.enclosure.model import ModeModel, SystemModel
-from henon_ref.modes.equations import Guard
+from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import REMAINING, Jump, impact_of, resetting, time_to_rest
 from henon_ref.precision import working_precision
@@ -246,7 +245,7 @@ class ValidatedFlow:
         at, over = self.model.at(self.points.centre), self.model.at(self.points.hull())
         states = [self.model.system.numeric(value) for value in jump.states]
         rows = [[arb(int(j == 0)) for j in range(len(symbols))]]
-        rows += [[enclose(sp.diff(value, x), over) for x in symbols] for value in states]
+        rows += [[enclose(slope, over) for slope in gradient(value, symbols)] for value in states]
         self._move([time, *(enclose(value, at) for value in states)], rows)
 
     def _project(
@@ -283,11 +282,11 @@ class ValidatedFlow:
         self, centre: list[arb], derivative: list[list[arb]], offsets: Sequence[arb], on: tuple[int, ...]
     ) -> None:
         """Set each state for which a surface that is now exactly zero is solved."""
-        for index, value, gradient in self.model.solved(on):
+        for index, value, partial in self.model.solved(on):
             k = index + 1
             over = self.model.at([c + _dot(r, offsets) for c, r in zip(centre, derivative, strict=True)])
             centre[k] = enclose(value, self.model.at(centre))
-            slopes = [(i, enclose(g, over)) for i, g in enumerate(gradient) if i != k]
+            slopes = [(i, enclose(g, over)) for i, g in enumerate(partial) if i != k]
             derivative[k] = [sum((g * derivative[i][j] for i, g in slopes), arb(0)) for j in range(len(centre))]
 
     def _move(self, centre: Sequence[arb], derivative: list[list[arb]]) -> None:

@@ -14,7 +14,7 @@ from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.tail_bounds import Program
 from henon_ref.expressions.algebra import up_to_a_number
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.equations import along
+from henon_ref.modes.equations import along, gradient
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import kept_zero, settled_state
 from henon_ref.modes.system import FilippovSystem
@@ -162,5 +162,4 @@ class SystemModel:
 def solve_for_states(zeros: Sequence[sp.Expr], states: Sequence[sp.Symbol]) -> list[SolvedState]:
     """Solve each expression that is linear in a state, with a constant factor, for that state; no state twice."""
     values = Identities.of(zeros, states).values
-    gradients = {x: tuple(sp.diff(value, y) for y in (TIME, *states)) for x, value in values.items()}
-    return [(states.index(x), value, gradients[x]) for x, value in values.items()]
+    return [(states.index(x), value, gradient(value, (TIME, *states))) for x, value in values.items()]
