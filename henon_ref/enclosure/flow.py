@@ -21,11 +21,6 @@ from henon_ref.modes.resets import REMAINING, Jump, impact_of, resetting, time_t
 from henon_ref.precision import working_precision
 
 
-def taylor_order(bits: int) -> int:
-    """Order at which steps are cheapest at a precision."""
-    return max(14, round(0.38 * bits))
-
-
 class ValidatedFlow:
     """A set of points (t, x) that validated steps propagate.
 
@@ -46,7 +41,7 @@ class ValidatedFlow:
         sharp: bool = False,
     ) -> None:
         self.model, self.points, self.unit, self.sharp = model, points, unit, sharp
-        self.bits, self.order = bits, taylor_order(bits)
+        self.bits, self.order = bits, max(14, round(0.38 * bits))  # at this order, steps are cheapest
         self.tangent_bits, self.tangent_order = (bits, self.order) if sharp else (64, 16)
         self.derivative = diagonal([1] * len(points.centre))
         """Encloses the derivative of the present (t, x) by the initial (t, x), with saltation at the events."""

@@ -33,8 +33,6 @@ OBJECTS = "objects"
 """Subfolder of the modules' machine code."""
 PRIVATE = 0o700
 """Mode of new folders."""
-LONGEST_NAME = 500
-"""Largest number of characters of a path in a message."""
 _CHECK = 32
 """Bytes of a file's checksum: SHA-256 of its name and content."""
 _NOWHERE = Path(os.devnull, "henon_ref")
@@ -132,7 +130,7 @@ def _temporary_folder() -> Path:
 def _named(path: Path) -> str:
     """Return a path as printable text; the middle of a long path is left out."""
     text = repr(str(path))
-    return text if len(text) <= LONGEST_NAME else f"{text[: LONGEST_NAME // 2]}...{text[-LONGEST_NAME // 2 :]}"
+    return text if len(text) <= 500 else f"{text[:250]}...{text[-250:]}"
 
 
 def read(file: Path) -> bytes | None:

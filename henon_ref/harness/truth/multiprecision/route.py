@@ -36,9 +36,8 @@ log = logging.getLogger(__name__)
 
 LADDER = ((256, 224), (512, 448), (1024, 896))
 """Pairs of precisions [bits], tried in turn; the digits come from the first precision of a pair."""
-LONG, SURE = 5.0, 0.2
-"""Expected remaining processor time of the first run [s] beyond which a second process is worth its start of 2 s; the
-least part of the run from which it is estimated."""
+LONG = 5.0
+"""Expected remaining processor time of the first run [s] beyond which a second process is worth its start of 2 s."""
 
 
 def multiprecision(problem: Problem, *, progress: Progress | None = None, seconds: float | None = None) -> Route:
@@ -69,7 +68,7 @@ def _runs(
 
     def shown(done: float) -> None:
         nonlocal apart
-        remaining = (process_time() - begun) * (1.0 - done) / max(done, SURE)
+        remaining = (process_time() - begun) * (1.0 - done) / max(done, 0.2)
         if apart is None and remaining > LONG and processors() > 1:
             apart = thread.submit(_by_worker, problem, pair[1], limits[1], ended)
         if progress is not None:

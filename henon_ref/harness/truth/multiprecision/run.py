@@ -28,9 +28,6 @@ from henon_ref.modes.selection import after_event, initial_mode, signs_at
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind, Status
 
-FINAL = 2.0**-80
-"""Remaining time of accumulating impacts, as a part of the run, at which their limit is computed; the error of the
-limit is about the square of it."""
 MAX_STEPS = 1_000_000
 """Largest number of Taylor steps; the time limit of a truth ends nearly all runs earlier."""
 
@@ -275,7 +272,7 @@ class _Simulation:
             self._note(before, after, states or met, transversality, resets)
         if rest is not None:
             self.accumulating = resets
-            if rest.remaining <= FINAL * self.span:
+            if rest.remaining <= 2.0**-80 * self.span:  # the error of the limit is about the square of it
                 self._come_to_rest(after, rest)
                 return
         self._enter(after, active)
