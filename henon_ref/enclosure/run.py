@@ -30,8 +30,8 @@ MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
 EARLY, FAR = 0.1, 0.02
 """A proof is stopped early if its steps after the first take the part ``EARLY`` of the time left then and cover less
-than the part ``FAR`` of the run: a fifth of the necessary pace. The time before the end of the first step, in which the
-equations are prepared, depends on the system and the machine and does not count."""
+than the part ``FAR`` of the run: a fifth of the necessary pace. The steps' time is processor time, which other work on
+the machine does not change; what precedes the end of the first step (preparation of the equations) does not count."""
 
 CROWD, CROWDED = 16, 1e-9
 """Events count as accumulating if ``CROWD`` of them are within the part ``CROWDED`` of the run."""
@@ -96,7 +96,8 @@ def certify(
     progress : callable, optional
     deadline : float, optional
         Limit of the whole time [s of wall time], after which the run stops with ``ended = "budget"`` and the part
-        proven so far. The run also stops so if the pace of its steps after the first is far too low (:data:`FAR`).
+        proven so far. The run also stops so if its pace is far too low: the part of the run covered by the steps after
+        the first, for their processor time (:data:`FAR`).
 
     Returns
     -------
@@ -172,7 +173,8 @@ class _Attempt:
         """Propagate to the horizon; return why it was not reached, or an empty text."""
         begin = self.start[0].mid()
         length = float(self.horizon - begin)
-        first: tuple[float, float] | None = None  # time left [s] and time covered [s] at the end of the first step
+        first: tuple[float, float, float] | None = None
+        """Wall time left, processor time, and time covered at the end of the first step [s]."""
         while True:
             before = flow.points.centre[0]
             hit = flow.step(self.horizon)
@@ -192,8 +194,8 @@ class _Attempt:
                 left = self.until - clock.monotonic()
                 if left < 0:
                     return f"the deadline passed at {at}"
-                first = first or (left, passed)
-                if left < (1 - EARLY) * first[0] and passed - first[1] < FAR * length:
+                first = first or (left, clock.thread_time(), passed)
+                if clock.thread_time() - first[1] > EARLY * first[0] and passed - first[2] < FAR * length:
                     return f"the deadline would pass before the end, at the pace up to {at}"
 
     def _crowded(self) -> str:

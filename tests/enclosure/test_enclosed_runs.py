@@ -187,25 +187,30 @@ def test_deadline_and_budget_return_what_is_proven(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(
-    ("first", "later", "reason"), [(59.0, 1e-4, "stopped after 1 transitions"), (0.0, 1.0, "at the pace up to t = ")]
+    ("first", "later", "busy", "reason"),
+    [
+        pytest.param(59.0, 1e-4, 1.0, "stopped after 1 transitions", id="slow preparation"),
+        pytest.param(0.0, 25.0, 0.01, "the deadline passed at t = ", id="other work on the machine"),
+        pytest.param(0.0, 3.0, 1.0, "at the pace up to t = ", id="slow steps"),
+    ],
 )
 def test_pace_is_that_of_the_steps_after_the_first(
-    monkeypatch: pytest.MonkeyPatch, first: float, later: float, reason: str
+    monkeypatch: pytest.MonkeyPatch, first: float, later: float, busy: float, reason: str
 ) -> None:
-    """A minute is allowed: a slow preparation is no reason to stop early, slow steps are one."""
-    now, step = [0.0], ValidatedFlow.step
+    """A minute is allowed. ``busy``: part of the steps' time for which the proof has a processor."""
+    now, step = [0.0, 0.0], ValidatedFlow.step
 
     def timed(flow: ValidatedFlow, horizon: arb) -> Hit | None:
-        now[0] += later if flow.steps else first
+        taken = later if flow.steps else first
+        now[:] = now[0] + taken, now[1] + busy * taken
         return step(flow, horizon)
 
-    monkeypatch.setattr(enclosed, "clock", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(enclosed, "clock", SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: now[1]))
     monkeypatch.setattr(ValidatedFlow, "step", timed)
     monkeypatch.setattr(enclosed, "MAX_TRANSITIONS", 1)
     run = certify(systems.fig8("equations", "70"), deadline=60.0)
     assert run.ended == "budget"
     assert reason in run.reason
-    assert 6.0 < now[0] < 60.0
 
 
 def test_units_of_a_billionth_change_no_digit(problem: Callable[..., Problem]) -> None:
