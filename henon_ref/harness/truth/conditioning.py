@@ -95,7 +95,8 @@ def conditioning(problem: Problem, transitions: Sequence[ReferenceTransition]) -
     for rows, change, projector in reversed(intervals):
         later = np.vstack([later @ change, *(row for _, row in rows)])
         owners = np.append(owners, [i for i, _ in rows]).astype(np.intp)
-        np.maximum.at(found, owners, np.linalg.norm(later @ projector, axis=1))
+        with np.errstate(invalid="ignore"):  # an unknown derivative
+            np.maximum.at(found, owners, np.linalg.norm(later @ projector, axis=1))
     for i in repeated:
         found[i] = found[i - 1]
     return [float(f"{c:.4g}") if np.isfinite(c) else inf for c in found.tolist()]

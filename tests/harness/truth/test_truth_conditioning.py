@@ -45,6 +45,11 @@ def test_growth_of_a_finite_time_blow_up(problem: Callable[..., Problem]) -> Non
     assert conditioned(problem("x", ["x**2 + 0*s"], {"s": "x - 1/2"}, ["1/4"], 3)) == pytest.approx([16])
 
 
+def test_conditioning_beside_a_pole_is_unknown(problem: Callable[..., Problem]) -> None:
+    """The variational equations are not integrated up to a pole 1e-9 beyond the surface; nothing is printed."""
+    assert conditioned(problem("v", ["-(1 + s)/2/(v + 10**(-9)) - (1 - s)/2"], {"s": "v"}, [1], 1)) == [inf]
+
+
 def test_a_jump_of_the_field_counts_in_what_follows(problem: Callable[..., Problem]) -> None:
     """Speed 1 below 0 and 2 above: an early error moves the time at x = 1 by itself, a late one by half."""
     found = conditioned(problem("x", ["(3 + s)/2 + 0*u"], {"s": "x", "u": "x - 1"}, [-1], 3))
