@@ -1,4 +1,4 @@
-"""Lyapunov exponents and Floquet multipliers from the variational equations.
+"""Lyapunov exponents from the variational equations.
 
 Benettin's method: tangent vectors are integrated along a trajectory (:mod:`henon_ref.analysis.tangent_frame`) and
 repeatedly orthonormalized by QR; the exponents are the mean logarithmic growth rates on the diagonal of R (Benettin et
@@ -15,11 +15,10 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.analysis.tangent_frame import LOCAL_ERROR, TangentFrame
-from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
+from henon_ref.analysis.variational import TangentFlow
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
@@ -185,20 +184,3 @@ def lyapunov_exponents(
     return lyapunov_spectrum(
         problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol))
     )
-
-
-def floquet_multipliers(
-    problem: Problem, *, since: sp.Expr | float, period: sp.Expr | float, tolerance: float = 2e-16
-) -> NDArray[np.complex128]:
-    """Return the n Floquet multipliers of the periodic orbit on which a problem's trajectory is, largest first.
-
-    They are exactly 0 for directions that a stick has removed. The trajectory is on the orbit at the time ``since``
-    [s]; the problem's own ``until`` is not used. ``period`` [s] may be an integer multiple of the period, and is an
-    exact number if known; ``tolerance`` is the local error of a step. UnsupportedError if the solution ends early, or
-    if several surfaces change at one instant.
-    """
-    matrix, rank = fundamental_matrix(problem, since, since + period, tolerance=tolerance)
-    multipliers = np.linalg.eigvals(matrix).astype(complex)
-    multipliers = multipliers[np.argsort(-np.abs(multipliers), kind="stable")]
-    multipliers[rank:] = 0.0
-    return multipliers

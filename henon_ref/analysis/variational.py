@@ -28,8 +28,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.saltation import Matrix, Saltation, TangentSpace, rank_lost
-from henon_ref.errors import UnsupportedError
+from henon_ref.analysis.saltation import Matrix, Saltation, TangentSpace
 from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
@@ -198,26 +197,3 @@ class TangentFlow:
         if rests:
             matrix = self._saltation.of_limit(transition) @ matrix
         return TangentTransition(transition, matrix, (own.mode, own.time, own.before), jumps=True)
-
-
-def fundamental_matrix(problem: Problem, since: sp.Expr, until: sp.Expr, *, tolerance: float) -> tuple[Matrix, int]:
-    """Return the derivative of the state at ``until`` [s] by the state at ``since`` [s], shape (n, n), and its rank.
-
-    In sliding at ``since`` it is the derivative along the surfaces, and maps directions normal to them to zero. The
-    rank, an upper bound, follows from the sticks entered, not from digits. UnsupportedError if the solution ends before
-    ``until``, or if several surfaces change at one instant.
-    """
-    flow = TangentFlow(problem, tolerance=tolerance)
-    rank = n = len(problem.system.states)
-    for stage in (since, until):
-        along = flow.spaces.basis(flow.mode, flow.time, flow.state)
-        flow.vectors = along @ along.T
-        rank = flow.spaces.dimension(flow.mode)
-        while isinstance(event := flow.advance(stage), TangentTransition):
-            flow.vectors = event.saltation @ flow.vectors
-            rank = min(rank, flow.spaces.dimension(flow.mode))
-            if event.jumps:
-                rank = min(rank, n - rank_lost(event.saltation))
-        if event.status != "ok":
-            raise UnsupportedError(f"no derivative up to t = {float(stage):.17g}: {event.reason}")
-    return flow.vectors, rank

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from derivatives import fundamental_matrix
 
 import henon_ref as hr
 from henon_ref.analysis import tangent_frame
 from henon_ref.analysis.saltation import Saltation
-from henon_ref.analysis.variational import TangentFlow, fundamental_matrix
+from henon_ref.analysis.variational import TangentFlow
 from henon_ref.errors import UnsupportedError
 from henon_ref.simulation.arguments import problem_of
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from derivatives import floquet_multipliers
 from problems import make_problem
 from scipy.spatial import KDTree
 
-from henon_ref.analysis.lyapunov import Spectrum, floquet_multipliers, lyapunov_spectrum
+from henon_ref.analysis.lyapunov import Spectrum, lyapunov_spectrum
 from henon_ref.analysis.variational import Saltation
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case

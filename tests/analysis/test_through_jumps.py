@@ -7,10 +7,9 @@ from math import log
 import numpy as np
 import pytest
 import sympy as sp
+from derivatives import floquet_multipliers, fundamental_matrix
 
 import henon_ref as hr
-from henon_ref.analysis.lyapunov import floquet_multipliers
-from henon_ref.analysis.variational import fundamental_matrix
 from henon_ref.casefile.case import load_case
 from henon_ref.modes.problem import Problem
 

@@ -8,9 +8,9 @@ from math import cos, log, sin
 import numpy as np
 import pytest
 import sympy as sp
+from derivatives import fundamental_matrix
 
 import henon_ref as hr
-from henon_ref.analysis.variational import fundamental_matrix
 from henon_ref.simulation.arguments import problem_of
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from derivatives import fundamental_matrix
 from problems import make_problem
 
 import henon_ref as hr
-from henon_ref.analysis.variational import fundamental_matrix
 
 TOLERANCES = pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
 PID = ["v", "-4*(x - 1) - 2*z - 2*v - s", "x - 1"]

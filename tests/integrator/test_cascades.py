@@ -9,10 +9,10 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from derivatives import fundamental_matrix
 from multiprecision import multiprecision
 
 import henon_ref as hr
-from henon_ref.analysis.variational import fundamental_matrix
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import solver
