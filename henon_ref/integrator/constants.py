@@ -153,12 +153,7 @@ class ParameterPrograms:
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
     """Return the symbols in a system's expressions other than time, states and signs, by name."""
-    expressions = [*system.field, *system.surfaces, *system.valid]
-    for override in system.overrides.values():
-        expressions += [*override.field, *(release.when for release in override.release)]
-    for reset in system.resets.values():
-        expressions += reset.map.values()
-    symbols = set().union(*(e.free_symbols for e in set(expressions))) - {TIME, *system.states, *system.signs}
+    symbols = set().union(*(e.free_symbols for e in set(system.expressions))) - {TIME, *system.states, *system.signs}
     return tuple(sorted(symbols, key=lambda symbol: symbol.name))
 
 

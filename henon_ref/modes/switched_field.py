@@ -97,6 +97,14 @@ class SwitchedField:
     def state_names(self) -> tuple[str, ...]:
         return tuple(symbol.name for symbol in self.states)
 
+    @property
+    def expressions(self) -> list[sp.Expr]:
+        """All expressions of the system: surfaces, rates, ``valid``, and those of overrides and resets."""
+        found = [*self.surfaces, *self.field, *self.valid]
+        for override in self.overrides.values():
+            found += [*override.field, *(end.when for end in override.release)]
+        return found + [value for reset in self.resets.values() for value in reset.map.values()]
+
     @cached_property
     def places(self) -> dict[sp.Symbol, int]:
         """State -> its index."""
