@@ -109,11 +109,7 @@ def ended(trajectory: Trajectory, begin: Start, system: System, stop: Mapping[An
         if (last.time, last.time_low) != begin.until and last.time == trajectory.end_time:
             name = system.model.sign_names[last.surface]
             trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
-    if system.model.kinks:
-        from henon_ref.modes.kinks import HiddenKinks
-
-        trajectory = shown(trajectory, HiddenKinks(system.model))
-    return trajectory
+    return shown(trajectory, system.model if system.model.kinks else None)
 
 
 class Outcome:
