@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -44,14 +44,9 @@ def pair_of(value: Any) -> Pair | None:
     return _rational(value.numerator, value.denominator) if type(value) is Fraction else None
 
 
-def decimal_pair(value: Any) -> Pair | None:
-    """Apply :func:`pair_of` to an int or float, whose double determines the exact number; None for a Fraction."""
-    return None if type(value) is Fraction else pair_of(value)
-
-
-def pairs_of(values: Collection[Any], read: Callable[[Any], Pair | None] = pair_of) -> tuple[Pair, ...] | None:
-    """Apply :func:`pair_of` or :func:`decimal_pair` to several values; None if it is None for one."""
-    found = tuple([pair for value in values if (pair := read(value)) is not None])
+def pairs_of(values: Collection[Any]) -> tuple[Pair, ...] | None:
+    """Apply :func:`pair_of` to several values; None if it is None for one."""
+    found = tuple([pair for value in values if (pair := pair_of(value)) is not None])
     return found if len(found) == len(values) else None
 
 

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
-from henon_ref.integrator.integrator import Integrator, local_error, order_for
+from henon_ref.integrator.integrator import NO_LIMIT, Integrator, Start, local_error, order_for, out_of_steps
 from henon_ref.integrator.records import HENON, numbered, step_dtype
 from henon_ref.integrator.run_result import Reason, RunResult, TransitionArray, shown
-from henon_ref.integrator.start import NO_LIMIT, Start, out_of_steps
 from henon_ref.integrator.state_view import NO_DECISIONS, NO_SAMPLES, State
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import kernel

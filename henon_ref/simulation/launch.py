@@ -10,10 +10,9 @@ from threading import Lock
 from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.integrator import Integrator, local_error, order_for
+from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT, Integrator, Start, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
-from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import problem_of, start_of, stop_of, tolerance_of, whole_number

@@ -11,8 +11,8 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.calls import explained
 from henon_ref.simulation.launch import Outcome, ended, launch
 from henon_ref.simulation.solution import Solution

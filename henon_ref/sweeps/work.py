@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from henon_ref.expressions.algebra import signed_form
 from henon_ref.expressions.evaluation import parse_expression
-from henon_ref.integrator.integrator import Integrator, local_error
+from henon_ref.integrator.integrator import MOST_STEPS, Integrator, local_error
 from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import NOTHING, Keep
 from henon_ref.integrator.records import transition_dtype
-from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.modes.kinks import are_visible, shown_mode
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.simulation.launch import integrator_of

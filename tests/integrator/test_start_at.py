@@ -19,10 +19,9 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constants import LoopProgram, ModeConstants
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import ffi
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.mode_evaluation import in_doubles
