@@ -26,7 +26,7 @@ from henon_ref.integrator.guard_events import (
     load_equals_friction,
 )
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.precise_modes import MOST_ORDER, PreciseModes
+from henon_ref.integrator.precise_modes import MOST_ORDER, PreciseModes, split
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
@@ -102,15 +102,15 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | Non
         events = _beyond_rounding(modes, step, start, unit, outputs, events)
         if not events:
             end = arb(step.suspect)
-            state = tuple(_split(series(end / unit)) for series in states)
-            return LocatedEvent(_split(start + end), state, (), (), None, (0,) * len(guards))
+            state = tuple(split(series(end / unit)) for series in states)
+            return LocatedEvent(split(start + end), state, (), (), None, (0,) * len(guards))
         first = events[0]
         met = [event for event in events if event is first or event.meets(first)]
         reported = [event for event in met if event.what != "miss"] or met
         best = min(reported, key=lambda event: event.radius)
         radius = max(event.radius + abs(event.place - best.place) / ONE for event in reported)
         place = arb(best.place) / ONE
-        time, state = _split(start + unit * place), tuple(_split(series(place)) for series in states)
+        time, state = split(start + unit * place), tuple(split(series(place)) for series in states)
         falling = [event.guard for event in met if event.what == "root" or _ends(modes, guards, event)]
         touching = [(e.guard, e.order) for e in met if e.what == "touch" and e.guard not in falling]
         ball = arb(place, radius)
@@ -250,10 +250,3 @@ def _unless_unique(
         return None
     decision = after_event(modes.in_balls.at(*point), mode, surfaces)
     return decision if decision.status == "nonunique" else None
-
-
-def _split(number: arb) -> Pair:
-    """Return a number as a pair of doubles; a second one below the rounding error of pairs is replaced by 0."""
-    high = float(number)
-    low = float(number - high)
-    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)

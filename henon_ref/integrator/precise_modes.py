@@ -21,7 +21,7 @@ from henon_ref.kernel.shared import EPS
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, ball_function, guards_and_tape
+from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, guards_and_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.roots.multiprecision import BITS
@@ -42,9 +42,10 @@ SAME = 1e-2
 
 
 def split(number: arb) -> Pair:
-    """Return a number as a pair of doubles."""
-    high = float(number.mid())
-    return high, float(number.mid() - high)
+    """Return a number as a pair of doubles; a second one below the rounding error of pairs is replaced by 0."""
+    high = float(number)
+    low = float(number - high)
+    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
 
 
 class SharedTapes:
@@ -115,7 +116,12 @@ class _InBalls(_InDoubles):
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = self._tapes.tape(tuple(names), tuple(expressions))
-        return ball_function(tape, self.constants(tape))
+        numbers = self.constants(tape)
+
+        def values(t: arb, *x: arb | int) -> list[arb]:
+            return [series[0] for series in expand(tape, numbers, t, [arb(v) for v in x], 0, RING)[1]]
+
+        return values
 
 
 class PreciseModes:

@@ -41,9 +41,6 @@ class Doubles:
     carries_errors = False
     """Whether a number has its own error bound, so that no size is needed to decide whether it is zero."""
 
-    def number(self, exact: sp.Expr) -> float:
-        return float(exact)
-
     def rate(self, states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
         """Return an inverse time scale of the solution, which makes coefficients of different orders comparable.
 
@@ -93,9 +90,6 @@ class Balls:
     ring = RING
     levels: tuple[float, ...] = (0.0,)
     carries_errors = True
-
-    def number(self, exact: sp.Expr) -> arb:
-        return arb(str(sp.N(exact, 75))).mid()  # more digits than the working precision has
 
     def rate(self, states: Sequence[Sequence[arb]], guards: Sequence[Sequence[arb]]) -> float:
         """1: each coefficient is compared with zero by itself; ValueError if one is not finite."""
