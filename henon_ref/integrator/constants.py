@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
-TABLES = ffi.sizeof("struct tables") // 8
-"""Length of the tables at the beginning of a block, in doubles."""
-_BLOCK = ffi.typeof("double[]")
-
 
 class LoopData(NamedTuple):
     """Data of the compiled modes that the compiled loop reads, shared by runs."""
@@ -75,7 +71,7 @@ class LoopProgram:
         if self._at_once is None:
             return None
         program, pack, room, _ = self._at_once
-        block = ffi.new(_BLOCK, TABLES + room)
+        block = ffi.new("double[]", ffi.sizeof("struct tables") // 8 + room)
         tables = kernel.point_tables(self._template, program, pack(*values), block)
         return LoopData(self.compiled, block, tables) if tables else None
 

@@ -21,12 +21,8 @@ from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
 if TYPE_CHECKING:
-    from henon_ref.modes.decoupled_contacts import SwitchedEquations
+    from henon_ref.modes.decoupled_contacts import Entries, SwitchedEquations
 
-BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
-"""Operations with branch points."""
-Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-"""See :class:`henon_ref.modes.equations.ModeTape`."""
 MOST_WATCHED = 200
 """Largest number of operations of the guards beyond those of the field (such as a long expression whose extremes a
 sweep locates) for which the code is fully optimized; for more, optimizing takes longer than most runs."""
@@ -99,7 +95,7 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
     if key == mode:  # these are its own
         own = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
         sides = [speed.xreplace(own) for speed in sides]
-        entries: Entries = (({}, {}, {}),) * len(mode)
+        entries: tuple[Entries, ...] = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
     expansion = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
@@ -132,7 +128,9 @@ def _named_tape(
     return build_tape(system.states, field, outputs, defined)
 
 
-def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: Entries) -> ModeCode:
+def _mode_code(
+    system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: tuple[Entries, ...]
+) -> ModeCode:
     n, nodes = len(system.states), expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
@@ -175,7 +173,7 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
 
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     """Whether given nodes depend on an operation with branch points."""
-    return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
+    return any(tape.nodes[at].op in ("sqrt", "power", "asin", "acos") for at in tape.needed(rows))
 
 
 def _speeds(

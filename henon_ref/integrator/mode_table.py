@@ -37,8 +37,6 @@ from henon_ref.precision import one_at_a_time
 if TYPE_CHECKING:
     from henon_ref.integrator.jump_code import JumpCode
 
-ALL: Mode = ()
-"""Key of the machine code that all modes share."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 
 
@@ -209,7 +207,7 @@ class ModeTable:
 
     def _code(self, mode: Mode) -> ModeCode:
         """Return the machine code of a mode, shared with all modes that have the same equations."""
-        key = ALL if self._switched else self.system.common_equations(mode)[0]
+        key = () if self._switched else self.system.common_equations(mode)[0]  # of all modes, or of some
         if key not in self._codes:
             code = (
                 switched_mode_code(self.system, self._switched, self.order)

@@ -17,8 +17,6 @@ Pair = tuple[float, float]
 """Number as its nearest double and the remainder."""
 WHOLE = 2**53
 """Integers up to this size are exact doubles."""
-KEPT = 256
-"""Number of cached conversions: most of many runs have the same initial values and horizon."""
 SHORT = 1e6
 """A multiple of 1/256 below this has at most 15 decimals, so that Python prints it exactly."""
 
@@ -98,7 +96,7 @@ def _rational(numerator: int, denominator: int) -> Pair | None:
         return None
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=256)  # most of many runs have the same initial values and horizon
 def _printed(value: float) -> Pair | None:
     """Return a double and the remainder of the decimal number that Python prints for it; None if not finite."""
     try:

@@ -30,13 +30,8 @@ from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
 
 MOST_ORDER = 320
 """Largest order of an expansion; it ends earlier if its terms are negligible or the motion is a polynomial."""
-NEGLIGIBLE = 1e-50
-"""Size of negligible terms relative to the sum of all terms on the step."""
 ENDING_ORDERS = 4
 """Number of consecutive negligible orders that end an expansion."""
-
-MOST_STEPS = 1000
-"""Largest number of steps (some seconds)."""
 SAME = 1e-2
 """Largest relative difference between the doubles and the motion for which its digits are trusted."""
 
@@ -223,9 +218,9 @@ def _degree(tape: Tape) -> int:
 
 
 def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
-    """Whether the last terms of all series are negligible at argument 1."""
+    """Whether the last terms of all series are below 1e-50 of the sum of all terms at argument 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
-    return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) < math.inf for terms in sizes)
+    return all(max(terms[-ENDING_ORDERS:]) <= 1e-50 * sum(terms) < math.inf for terms in sizes)
 
 
 class PreciseMotion:
@@ -254,10 +249,10 @@ class PreciseMotion:
         return list(self._state), [rounding * error for error in off]
 
     def _advance(self, time: arb, length: float) -> bool:
-        """Advance to a time; False if that takes too many steps."""
+        """Advance to a time; False if that takes too many steps (some seconds)."""
         part = 1.0
         while self._time < time:
-            if self._steps >= MOST_STEPS or part < 2.0**-20:
+            if self._steps >= 1000 or part < 2.0**-20:
                 return False
             self._steps += 1
             left = time - self._time
