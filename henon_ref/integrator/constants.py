@@ -37,14 +37,6 @@ class LoopData(NamedTuple):
     tables: Any
     """``struct tables`` of ``henon_ref/kernel/kernel.h``."""
 
-    @property
-    def numbers(self) -> NDArray[np.float64]:
-        """Constants of each mode, shape (M, 2 or 3, K): of its expansion, its probe, and the maps of resets if compiled
-        code applies them; each row has the doubles, then their remainders. A copy."""
-        shape = self.compiled.sources.shape
-        memory = ffi.buffer(self.tables.numbers, 8 * self.compiled.sources.size)
-        return np.frombuffer(memory, dtype=np.float64).reshape(shape).copy()
-
 
 class LoopProgram:
     """Program of the constants of all compiled modes, followed by those of the normal velocities.

@@ -16,9 +16,11 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import DOUBLES, NO_VALUE, ORDER, Arithmetic, Leading
+from henon_ref.modes.arithmetic import DOUBLES, ORDER, Arithmetic, Leading
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.series import expand
@@ -82,7 +84,7 @@ class ModeEvaluation:
         return [float(self.system.numeric(c)) for c in tape.constants]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """Return (t, *names) -> values of expressions, which raises :data:`NO_VALUE` if one has none."""
+        """Return (t, *names) -> values of expressions, which raises ``ARITHMETIC`` if one has none."""
         values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
         # The time of lambdify grows with the number of its arguments.
         used = set().union(*(value.free_symbols for value in values))
@@ -94,9 +96,9 @@ class ModeEvaluation:
         """Return a point; ``levels``: see :attr:`Doubles.levels`."""
         return TapePoint(self, t, x, self.arithmetic.levels if levels is None else levels)
 
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> TapePoint:
-        """Return the point of exact numbers, in doubles."""
-        return self.at(float(start), [float(v) for v in initial])
+    def at_start(self, problem: Problem) -> TapePoint:
+        """Return the start of a problem, in doubles."""
+        return self.at(float(problem.start), [float(v) for v in problem.initial])
 
     @cached_method
     def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
@@ -157,7 +159,7 @@ class ModeEvaluation:
             return self.of_states_and_signs((normal_in(self.system, index, entries),))
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
-        """Return the Taylor coefficients in time of a mode's guards; raises :data:`NO_VALUE` if there are none."""
+        """Return the Taylor coefficients in time of a mode's guards; raises ``ARITHMETIC`` if there are none."""
         return self.at(t, x).series(mode)[0]
 
 
@@ -213,14 +215,14 @@ class TapePoint:
     def _size(self, mode: Mode, index: int) -> float:
         try:
             below, above = self.sides(mode, index)
-        except NO_VALUE:
+        except ARITHMETIC:
             return 0.0
         return float(abs(below) + abs(above))
 
     def values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> Sequence[Any] | None:
         try:
             values = self._modes.of_states_and_signs(expressions)(self._t, *self._x, *signs)
-        except NO_VALUE:
+        except ARITHMETIC:
             return None
         return values if all(isfinite(float(value)) for value in values) else None
 

@@ -18,6 +18,7 @@ from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, Leading
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
@@ -43,8 +44,9 @@ class SeriesEvaluation:
     def at(self, time: arb, state: Sequence[arb]) -> Point:
         return Point(self, time, tuple(state))
 
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        return self.at(series.exact_ball(start, self.bits), [series.exact_ball(v, self.bits) for v in initial])
+    def at_start(self, problem: Problem) -> Point:
+        start, *initial = (series.exact_ball(v, self.bits) for v in (problem.start, *problem.initial))
+        return self.at(start, initial)
 
     def values(self, expressions: Sequence[sp.Expr], t: arb, x: Sequence[arb]) -> list[arb]:
         """Evaluate expressions in time and states at a point; raise ValueError if a value is not finite."""
