@@ -46,7 +46,7 @@ class LoopProgram:
 
     def __init__(self, table: ModeTable, writer: ProgramWriter) -> None:
         compiled, velocities = table.compiled, table.normals
-        expressions = table.constants.expressions[: compiled.constants]
+        expressions = table.constants[: compiled.constants]
         own = () if velocities is None else velocities.tape.constants
         places = np.arange(1 + 2 * len(expressions), 1 + 2 * (len(expressions) + len(own)))
         self.compiled, self.program = compiled, writer.program([*expressions, *own])

@@ -119,25 +119,8 @@ class Integrator:
     :class:`henon_ref.integrator.points.PointRuns` does many runs in one call. Modes are compiled on first use. The
     library keeps one integrator per system and order.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-        With values of its parameters, or without: then runs may have any values. (The modes are then derived for all
-        values; surfaces that coincide for some values are still two surfaces.)
-    order : int
-        Order of the Taylor method.
-
-    Attributes
-    ----------
-    programs : ParameterPrograms
-        Programs of the constants.
-    free : list of Workspace
-        Unused memory for runs: see :meth:`workspace`.
-
-    Raises
-    ------
-    UnsupportedError
-        If too many contacts with static friction act on each other.
+    The system has values of its parameters, or none: then runs may have any values. (The modes are then derived for all
+    values; surfaces that coincide for some values are still two surfaces.)
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
@@ -148,6 +131,7 @@ class Integrator:
         self.constants = lru_cache(maxsize=64)(self._constants)
         """Constants of the compiled modes at values of :attr:`parameters`."""
         self.free: list[Workspace] = []
+        """Unused memory for runs: see :meth:`workspace`."""
 
     def workspace(self) -> Workspace:
         """Return memory for a run, which is appended to :attr:`free` afterwards; allocating it costs a short run.
@@ -224,17 +208,9 @@ class Integrator:
     ) -> Start:
         """Return the start of a run from pairs of doubles.
 
-        Parameters
-        ----------
-        constants : ModeConstants
-        template : cdata
-            As :func:`run_template` returns it.
-        numbers : tuple of Pair, shape (2 + n,)
-            Horizon and initial time [s], and initial state.
-        exact : callable
-            Returns time and state as exact numbers, of Python or SymPy; called only if pairs do not decide a sign.
-        mode : mapping
-            As in :meth:`begin`.
+        ``template``: as :func:`run_template` returns it; ``numbers``: horizon, initial time and states; ``exact``:
+        returns time and states as exact numbers, of Python or SymPy, if pairs do not decide a sign; ``mode``: as in
+        :meth:`begin`.
         """
         workspace = self.workspace()
         signs = constants.start(workspace, template, numbers)

@@ -268,35 +268,3 @@ def _known_of(system: FilippovSystem, index: int) -> int:
         moved = not system.normal_velocity(index).free_symbols.isdisjoint(system.signs)
         return 0 if moved else int(kernel.SECTION)
     return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD
-
-
-class DistinctConstants:
-    """Distinct constants of the tapes of all modes, numbered in order of their first use.
-
-    Modes with equal entries of the surfaces on which a constant depends share it. Their values form one row: a zero,
-    then each constant as a pair of doubles.
-    """
-
-    def __init__(self) -> None:
-        self.expressions: list[sp.Expr] = []
-        """Constants in the parameters, by number; append-only."""
-        self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
-
-    def sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
-        """Return the places of a mode's constants in this row, shape (tapes, K).
-
-        For each tape the first doubles of the pairs precede the second ones; zeros follow.
-        """
-        found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
-        for row, tape in zip(found, tapes, strict=True):
-            count = len(tape.tape.constants)
-            row[:count] = [1 + 2 * self._number(tape, at, mode) for at in range(count)]
-            row[count : 2 * count] = row[:count] + 1
-        return found
-
-    def _number(self, tape: ModeTape, at: int, mode: Mode) -> int:
-        key = tape, at, tuple(mode[i] for i in tape.owners[at])
-        if key not in self._numbers:
-            self._numbers[key] = len(self.expressions)
-            self.expressions.append(tape.constant(at, mode))
-        return self._numbers[key]

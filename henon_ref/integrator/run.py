@@ -68,24 +68,10 @@ def prepared_run(
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
 ) -> Callable[[], Trajectory]:
-    """Compile a problem and decide its start.
+    """Compile a problem, decide its start, and return a function that does the entire run at each call.
 
-    Parameters
-    ----------
-    problem : Problem
-    rtol : float
-        Tolerance; the local error of a step is a tenth of it (:func:`local_error`).
-    landing : int
-        One of :data:`henon_ref.integrator.records.LANDINGS`.
-    sample_times : ndarray, shape (k,), optional
-        Increasing times at which the state is sampled.
-    deadline : float, optional
-        Limit on the processor time of the run [s].
-
-    Returns
-    -------
-    callable
-        Does the entire run again at each call.
+    ``rtol``: tolerance; the local error of a step is a tenth of it (:func:`local_error`). ``landing``: index of
+    :data:`henon_ref.integrator.records.LANDINGS`. ``sample_times``, ``deadline``: see :class:`State`.
     """
     error = local_error(rtol)
     integrator = Integrator(problem.system, order_for(error))
@@ -121,29 +107,8 @@ class Jumped(NamedTuple):
 class Run(State):
     """One run: calls the compiled loop until the horizon, and handles its return codes.
 
-    During its lifetime a run has a workspace of some 100 kB.
-
     :meth:`to_horizon` runs to the horizon; :meth:`next_event` stops after each transition, so that the caller may read
     and change :attr:`x` there (for example, for variational equations) before the run continues.
-
-    Parameters
-    ----------
-    integrator : Integrator
-    start : Start
-    sample_times : ndarray, shape (k,), optional
-    deadline : float, optional
-        Processor time, without compiling, after which the run stops with status ``timeout`` [s].
-    block : int
-        Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
-    dense : int
-        Number of steps in one block of memory, for dense output; 0: steps are not kept.
-    begun : Workspace, optional
-        Memory of the run, if the loop has been called before.
-
-    Attributes
-    ----------
-    ended : Trajectory or None
-        Result of the run, after :meth:`stream` has finished.
     """
 
     @property

@@ -163,15 +163,7 @@ def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.
 class RunResult(Trajectory):
     """Trajectory whose fields, except the status, are made when one is first read: they take longer than a short run.
 
-    Parameters
-    ----------
-    table : ModeTable
-    workspace : Workspace
-        Memory of the run, which may be used for another run afterwards.
-    kinks : FilippovSystem, optional
-        System whose hidden kinks are left out.
-    status : Status
-    reason : str or callable
+    The memory of the run may be used for another run afterwards. ``kinks``: system whose hidden kinks are left out.
     """
 
     def __init__(

@@ -27,8 +27,21 @@ NO_DECISIONS = Decisions()
 class State:
     """Memory block of a run, views of its parts, and the data that the run keeps.
 
-    :class:`henon_ref.integrator.run.Run` describes the arguments. It has no ``__init__`` of its own: a second call
-    would cost a tenth of a short run.
+    During its lifetime a run has a workspace of some 100 kB. (:class:`henon_ref.integrator.run.Run` has no ``__init__``
+    of its own: a second call would cost a tenth of a short run.)
+
+    Parameters
+    ----------
+    sample_times : ndarray, shape (k,), optional
+        Increasing times at which the state is sampled [s].
+    deadline : float, optional
+        Processor time, without compiling, after which the run stops with status ``timeout`` [s].
+    block : int
+        Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
+    dense : int
+        Number of steps in one block of memory, for dense output; 0: steps are not kept.
+    begun : Workspace, optional
+        Memory of the run, if the loop has been called before.
     """
 
     def __init__(
@@ -67,6 +80,7 @@ class State:
         self.decisions = NO_DECISIONS
         """Number of calls of Python so far, by cause."""
         self.ended: Trajectory | None = None
+        """Result of the run, after it has been streamed."""
         if dense:
             self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (self.scalars.order + 1)))
             self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense

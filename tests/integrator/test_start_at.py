@@ -90,7 +90,7 @@ def test_every_case_starts_as_sympy_says(path: Path) -> None:
     orders = contact_orders(at, decision.mode, active) if active else []
     assert [o for o in zeros if o] == [orders[p] for p in table.places(decision.mode) if orders and orders[p]]
     numeric = exact.system.numeric
-    expected = [exact_pair(numeric(e)) for e in table.constants.expressions[: table.compiled.constants]]
+    expected = [exact_pair(numeric(e)) for e in table.constants[: table.compiled.constants]]
     fast.constants.update()
     program = integrator.programs.loop().program
     values = np.array(fast.constants.values).reshape(1, -1, 2)
