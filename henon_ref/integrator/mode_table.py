@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -20,6 +20,7 @@ from henon_ref.integrator.mode_code import (
     NormalVelocities,
     bernstein_code,
     common_mode_code,
+    jump_code,
     normal_velocities,
     switched_mode_code,
 )
@@ -33,9 +34,6 @@ from henon_ref.modes.mode import Mode, mode_number, replaced
 from henon_ref.modes.sliding import EXHAUSTIVE
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
-
-if TYPE_CHECKING:
-    from henon_ref.integrator.jump_code import JumpCode
 
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 
@@ -77,11 +75,7 @@ class ModeTable:
         self._switched = system.switched
         self.contacts = surfaces if self._switched and not system.resets else 0
         """Number of entries of a mode if modes are identified by numbers; 0 if they are identified by rows."""
-        self._jumps: JumpCode | None = None
-        if system.resets:
-            from henon_ref.integrator.jump_code import jump_code  # few systems have resets
-
-            self._jumps = jump_code(system)
+        self._jumps = jump_code(system)
         no_sources = np.zeros((0, 0, 0), dtype=np.int64)
         self.compiled = CompiledModes(np.zeros(0, dtype=mode_dtype(self.most_guards)), no_sources, 0)
         """Replaced as a whole by each new row. An older snapshot refers only to modes that it contains."""
