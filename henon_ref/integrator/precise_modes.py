@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from henon_ref.integrator.constant_program import ConstantProgram, constant_prog
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
@@ -51,9 +52,6 @@ class SharedTapes:
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
         self.system, self._parameters = system, parameters
-        self.mode = cache(self._mode)
-        self.program = cache(self._program)
-        self.tape = cache(self._tape)
         self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
@@ -71,16 +69,19 @@ class SharedTapes:
                 self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
         return self._programs[id(tape)][1]
 
-    def _mode(self, mode: Mode) -> GuardsAndTape | None:
+    @cached_method
+    def mode(self, mode: Mode) -> GuardsAndTape | None:
         with one_at_a_time():
             return guards_and_tape(self.system, mode)
 
-    def _program(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
+    @cached_method
+    def program(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
         """Write a program of expressions in time, ``names`` and parameters."""
         with one_at_a_time():
             return constant_program((TIME, *names, *self._parameters), expressions)
 
-    def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+    @cached_method
+    def tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
         """Build a tape of expressions in time and ``names``."""
         with one_at_a_time():
             return build_tape(names, (), expressions)
@@ -130,7 +131,6 @@ class PreciseModes:
 
     def __init__(self, in_doubles: ModeEvaluation, make_in_balls: Callable[[], ModeEvaluation]) -> None:
         self.system, self.in_doubles, self._make_in_balls = in_doubles.system, in_doubles, make_in_balls
-        self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
 
     @cached_property
     def in_balls(self) -> ModeEvaluation:
@@ -138,14 +138,13 @@ class PreciseModes:
         with compiling():
             return self._make_in_balls()
 
-    def _at(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
-        if expressions not in self._functions:
-            self._functions[expressions] = self.in_balls.function(self.system.states, expressions)
-        return self._functions[expressions](t, *x)
+    @cached_method
+    def _function(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
+        return self.in_balls.function(self.system.states, expressions)
 
     def values(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
         """Evaluate expressions in time and states at a point; ValueError if a value is not finite."""
-        found = self._at(expressions, t, x)
+        found = self._function(expressions)(t, *x)
         if not all(value.is_finite() for value in found):
             raise ValueError("a value is not finite")
         return found
@@ -201,7 +200,7 @@ class PreciseModes:
         farthest = 0.0
         for h in (self.system.surfaces[i] for i in surfaces):
             slopes = gradient(h, self.system.states)
-            value, *steep = (abs(float(v)) for v in self._at((h, *slopes), time.mid(), [v.mid() for v in state]))
+            value, *steep = (abs(float(v)) for v in self._function((h, *slopes))(time.mid(), *(v.mid() for v in state)))
             farthest = max(farthest, value / max(steep) if max(steep) > 0 else 0.0)
         return farthest
 
