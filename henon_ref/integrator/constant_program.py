@@ -29,8 +29,8 @@ from henon_ref.precision import working_precision
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
 """Operations of compiled code; the second operand of POWER is an integer, not a register."""
-ROUNDING, ACCURATE = LEVELS.operation_error, LEVELS.accurate
-"""Bound of the relative error of one operation; largest accepted relative error of a constant."""
+ROUNDING: float = LEVELS.operation_error
+"""Bound of the relative error of one operation."""
 FUNCTION = 4
 """Operation evaluated by python-flint; its second operand is the number of the function."""
 POWER_OF = 5
@@ -162,7 +162,7 @@ class ConstantProgram:
         """
         own = self.registers(values)[:, self.places]
         size = np.abs(own[:, :, 0])
-        lost = np.isfinite(size) & (own[:, :, 2] > ACCURATE * size)
+        lost = np.isfinite(size) & (own[:, :, 2] > LEVELS.accurate * size)
         for point in np.flatnonzero(lost.any(axis=1)).tolist():
             with working_precision(BITS):
                 balls = [_three(ball) for ball in self.balls(exact(point))]

@@ -94,8 +94,7 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
     sides = _speeds(system, equations.guards, normals)
     if key == mode:  # these are its own
-        own = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
-        sides = [speed.xreplace(own) for speed in sides]
+        sides = [speed.xreplace(system.entries(mode)) for speed in sides]
         entries: tuple[Entries, ...] = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)

@@ -15,8 +15,6 @@ from henon_ref.expressions.bounds import double_double
 
 Pair = tuple[float, float]
 """Number as its nearest double and the remainder."""
-WHOLE = 2**53
-"""Integers up to this size are exact doubles."""
 SHORT = 1e6
 """A multiple of 1/256 below this has at most 15 decimals, so that Python prints it exactly."""
 
@@ -35,7 +33,7 @@ def pair_of(value: Any) -> Pair | None:
     True
     """
     if type(value) is int:
-        return (float(value), 0.0) if -WHOLE <= value <= WHOLE else None
+        return (float(value), 0.0) if abs(value) <= 2**53 else None  # up to this size integers are exact doubles
     if isinstance(value, float):  # NumPy's doubles are
         value = float(value)
         return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)

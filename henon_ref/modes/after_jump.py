@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import sympy as sp
-
 from henon_ref.errors import ModelError
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers
@@ -190,8 +188,8 @@ class _Rule:
         turned = self._turned(index, mode)
         if not turned or not turning_in_flight(self.system, index).issuperset(turned):
             return None
-        signs = {s: sp.Integer(entry) for s, entry in zip(self.system.signs, self.mode, strict=True)}
-        return self.numbers.values((self.impacts[index].acceleration.xreplace(signs),), self.t, after)[0]
+        acceleration = self.impacts[index].acceleration.xreplace(self.system.entries(self.mode))
+        return self.numbers.values((acceleration,), self.t, after)[0]
 
     def _mode_at_rest(
         self, times: Mapping[int, Any], mode: Mode, after: Sequence[Any], sides: Sequence[int], valid: Sequence[int]

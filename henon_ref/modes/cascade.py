@@ -91,7 +91,7 @@ class Cascade:
 
     def __init__(self, system: FilippovSystem, numbers: Numbers, mode: Mode, t: Any) -> None:
         self._system, self._numbers, self._mode, self._t = system, numbers, mode, t
-        self._signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        self._signs = system.entries(mode)
         self._groups = acting_groups(system)
         self._count, self._endless = 0, False
 

@@ -119,14 +119,13 @@ class Point:
         return self.series(mode, 1)
 
     def sides(self, mode: Mode, index: int) -> tuple[arb, arb]:
-        signs = self.system.signs
-        beside = ({s: sp.Integer(v) for s, v in zip(signs, replaced(mode, index, way), strict=True)} for way in (-1, 1))
+        beside = (self.system.entries(replaced(mode, index, way)) for way in (-1, 1))
         normal = self.system.normal_velocity(index)
         below, above = self._modes.values([normal.xreplace(side) for side in beside], self.time, self.state)
         return below, above
 
     def values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
-        entries = {s: sp.Integer(v) for s, v in zip(self.system.signs, signs, strict=True)}
+        entries = self.system.entries(signs)
         try:
             return self._modes.values([e.xreplace(entries) for e in expressions], self.time, self.state)
         except (ZeroDivisionError, ValueError):
