@@ -24,7 +24,7 @@ _UNIT = "%unit"
 
 
 def arrangement(places: Sequence[Sequence[int]]) -> tuple[str, ...]:
-    """Where the numbers of the lanes are for each pointer; empty if those of a pointer are neither in a row nor the same.
+    """Where the numbers of the lanes are for each pointer; empty if some are neither in a row nor the same.
 
     ``places``: for each lane the places of all pointers.
     """

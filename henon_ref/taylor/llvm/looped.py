@@ -32,7 +32,7 @@ Key = TypeVar("Key", bound=Hashable)
 Pointers = Sequence[tuple[str, str]]
 """Name of the pointer of each entry of a table's row, and the array into which it points."""
 Arranged = tuple[str, ...]
-"""Where each operand's numbers for the lanes are (:func:`henon_ref.jit.lanes.arrangement`); empty for one node a pass."""
+"""Where the numbers of the lanes are (:func:`henon_ref.jit.lanes.arrangement`); empty if a pass is for one series."""
 _POINTER = re.compile(r"%p\d+")
 _TIMES = "double %unit, double %t_hi, double %t_lo"
 
@@ -43,7 +43,7 @@ def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: i
 
 
 class _LoopedExpansion:
-    """Writer of the code. Series i of a node has its number; state i is series -1 - i; outputs follow the nodes.
+    """Writer of the code. The series of a node has its number, that of state i is -1 - i, and outputs follow the nodes.
 
     Arrays: ``S`` and ``C`` (see above); ``K``, constants; ``N``, three norms of the rows, each in lanes.
     """
@@ -77,8 +77,9 @@ class _LoopedExpansion:
             self.columns |= {at: len(self.columns) + i for i, at in enumerate(group)}
         stride = max(len(self.columns), LANES)
         self.stride = stride + 4 * (stride % 8 == 0)  # otherwise the numbers of a column are in few sets of the cache
-        self.code = {shape: OneNode(shape, order, self.stride).pieces() for shape in {s for s, _ in self.found.values()}}
-        self.memory = self.stride * max([1, *(pieces.room for pieces in self.code.values())])
+        found = {shape for shape, _ in self.found.values()}
+        self.pieces = {shape: OneNode(shape, order, self.stride).pieces() for shape in found}
+        self.memory = self.stride * max([1, *(pieces.room for pieces in self.pieces.values())])
         """Number of doubles of ``S`` allocated so far."""
         self.totals: dict[Factors, int] = {}
         """Place in ``S`` of each sum of constants."""
@@ -101,7 +102,8 @@ class _LoopedExpansion:
             + f"\ndefine void @{self.name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
             f"ptr noalias %C) {{\nentry:\n  %N = alloca [{3 * LANES} x double], align 32\n"
             f"  store [{3 * LANES} x double] zeroinitializer, ptr %N, align 32\n"
-            f"  %S = call noalias ptr @malloc(i64 {8 * self.memory})\n{body}\n  call void @free(ptr %S)\n  ret void\n}}\n"
+            f"  %S = call noalias ptr @malloc(i64 {8 * self.memory})\n"
+            f"{body}\n  call void @free(ptr %S)\n  ret void\n}}\n"
         )
 
     def _loop(
@@ -146,14 +148,14 @@ class _LoopedExpansion:
 
     def _piece(self, group: Sequence[int], k: int) -> None:
         shape, _ = self.found[group[0]]
-        self._code(group, (shape, k), self.code[shape].lines[k])
+        self._for_all(group, k, self.pieces[shape].lines[k])
 
-    def _code(self, group: Sequence[int], key: Hashable, lines: list[str]) -> None:
+    def _for_all(self, group: Sequence[int], key: Hashable, lines: list[str]) -> None:
         """Call the code of one series, ``lines``, for all series of a group."""
         for arranged, table in self._passes(group, can_be_in_lanes(lines)).items() if lines else ():
             pointers = _pointers("S" * (1 + sum(map(len, self.found[group[0]][1]))))
             write = partial(in_lanes, lines, arranged) if arranged else lines.copy
-            self._loop((key, arranged), pointers, write, table)
+            self._loop((self.found[group[0]][0], key, arranged), pointers, write, table)
 
     def _passes(self, group: Sequence[int], in_lanes: bool) -> dict[Arranged, str]:
         """Tables of the passes over a group, by the arrangement of the operands in the lanes.
@@ -183,13 +185,15 @@ class _LoopedExpansion:
         for first in range(0, len(found), LANES):
             now = found[max(min(first, len(found) - LANES), 0) :][:LANES]
             table.append([now[0][0], *(row for _, row in now), *[now[0][1]] * (LANES - len(now))])
-        self._loop("rows", _pointers("S" + "C" * LANES), partial(row_lines, self.order, self.stride), self._table(table))
+        self._loop(
+            "rows", _pointers("S" + "C" * LANES), partial(row_lines, self.order, self.stride), self._table(table)
+        )
 
     def _norms(self) -> None:
         """Compute the numbers after the rows: largest last and last but one coefficient, sum of all, longest step."""
         shapes, order, stride = self.shapes, self.order, self.stride
         for group in self.rates:
-            self._code(group, (self.found[group[0]][0], "norms"), state_lines(order, stride))
+            self._for_all(group, "norms", state_lines(order, stride))
         norms = len(self.rows) * self.width
         w = IRWriter()
         for i in range(3):

@@ -8,7 +8,7 @@ Pointer ``%p0`` is the row that is computed. Further pointers are the rows and n
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -49,10 +49,6 @@ class _Series(Coefficients):
 
 class _OneConvolution(Convolutions):
     """Sums of products of one node, number by number, in the order in which lanes of vectors add them."""
-
-    def add_up(self, k: int) -> None: ...
-
-    def pack(self, k: int) -> None: ...
 
     def parts(self, pair: Pair, k: int) -> tuple[Value, Value]:
         early = super().parts(pair, k)[1]
@@ -130,10 +126,10 @@ class OneNode:
     def _output(self) -> list[str]:
         """Lines of an output: its column, and its part in the norms (:func:`_include`)."""
         w, order = self.w, self.order
-        values = [self.made.linear(self.form, k) for k in range(order + 1)]
-        column = list(values)
-        if order >= LANES and all(self.shape.series[label][0] for label in self.form.terms):
-            column[1:] = [self._combination(k) for k in range(1, order + 1)]
+        of_states = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
+        wanted = {0, 1, 2, order - 1, order} if of_states else range(order + 1)
+        values = [self.made.linear(self.form, k) if k in wanted else None for k in range(order + 1)]
+        column = [values[0], *map(self._combination, range(1, order + 1))] if of_states else values
         for k, value in enumerate(column):
             w.store(value or ZERO, "%p0", k * self.stride)
         if order >= 3:
@@ -195,7 +191,9 @@ def row_lines(order: int, stride: int) -> list[str]:
         return w.emit(f"shufflevector {kind} {a}, {kind} {b}, <{LANES} x i32> <{mask}>")
 
     for k in range(0, width, LANES):
-        rows = [w.load("%p0", j * stride, kind) if j <= order else w.vector([ZERO] * LANES) for j in range(k, k + LANES)]
+        rows = [
+            w.load("%p0", j * stride, kind) if j <= order else w.vector([ZERO] * LANES) for j in range(k, k + LANES)
+        ]
         (a, b), (c, d) = ([mixed(x, y, "0426"), mixed(x, y, "1537")] for x, y in (rows[:2], rows[2:]))
         columns = mixed(a, c, "0145"), mixed(b, d, "0145"), mixed(a, c, "2367"), mixed(b, d, "2367")
         for i in reversed(range(LANES)):
