@@ -151,6 +151,8 @@ def test_sliding_of_ones_own_is_kept() -> None:
     assert run.sticks.duration_s.tolist() == pytest.approx([2.0, 2.0], rel=1e-11)  # 2 (Fs - Fk) / vb
 
 
+EULER = hr.System(["x", "v"], {"e": 0.5}, {"s": "v"}, ["v", "-e*s"])
+"""Without its parameter e, e would be Euler's number."""
 REFUSED = {
     "nan": {"initial": {"x": math.nan, "v": 0}},
     "infinity": {"initial": {"x": 0, "v": np.inf}},
@@ -164,6 +166,7 @@ REFUSED = {
     "an unknown parameter": {"parameters": {"G": 1}},
     "a parameter that is nan": {"parameters": {"F": math.nan}},
     "parameters that are a number": {"parameters": 3},
+    "a parameter that is None": {"system": EULER, "parameters": {"e": None}},
     "a mode of an unknown surface": {"mode": {"q": 1}},
     "a mode that is none": {"mode": {"s": 2}},
     "a mode on the other side": {"mode": {"s": -1}},
