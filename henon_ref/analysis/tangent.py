@@ -85,7 +85,8 @@ class TangentAnalysis:
         """dh/dt of both fields on the surface, as functions of z."""
         left = (below.free_symbols | above.free_symbols) & {TIME, *system.states}
         if left:
-            raise ModelError(f"dh/dt on the surface depends on {sorted(map(str, left))} besides {z}")
+            others = ", ".join(sorted(map(str, left)))
+            raise ModelError(f"dh/dt on the surface depends on {others} besides the coordinate {along}")
 
     def on_surface(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression in terms of z and time."""
@@ -205,7 +206,10 @@ def tangent_points(
     if parameters:
         system = system.with_parameters(parameters)
     model, names = system.model, system.model.sign_names
-    if surface is None and len(names) == 1:
+    if surface is None:
+        if len(names) != 1:
+            many = f"has several surfaces: name one, as in surface={names[0]!r}" if names else "has no surface"
+            raise ArgumentError(f"the system {many}")
         surface = names[0]
     if surface not in names:
         raise ArgumentError(f"{str(surface)[:60]!r} is no surface; surfaces: {listed(names)}")
