@@ -203,7 +203,7 @@ def tangent_points(
     >>> [(point.position, point.side, point.visibility) for point in hr.tangent_points(belt)]
     [(1, -1, 'visible'), (-1, 1, 'invisible')]
     """
-    if parameters:
+    if parameters is not None:
         system = system.with_parameters(parameters)
     model, names = system.model, system.model.sign_names
     if surface is None:

@@ -64,7 +64,7 @@ def problem_of(
     The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid.
     """
     initial, until, start, mode = start_of(system, initial, until, start, mode)
-    if parameters:
+    if parameters is not None:
         system = system.with_parameters(parameters)
     given = _mapping(initial, "'initial'", "state", system.state)
     entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
@@ -81,7 +81,7 @@ def problem_of(
 
 def _mapping(value: object, what: str, kind: str, known: tuple[str, ...], entry: object = 0) -> MappingNode:
     """Return a mapping as a tree node; ArgumentError if a name is not known."""
-    node = tree_of(value, what)
+    node = tree_of(value, what) if isinstance(value, Mapping) else None
     if not isinstance(node, MappingNode):
         others = ", or an array with a value for each state" if kind == "state" else ""
         raise ArgumentError(f"{what} must be a mapping, as in {{{known[0] if known else 's'!r}: {entry!r}}}{others}")

@@ -231,7 +231,7 @@ class System:
         HenonRefError
             If a name is not a parameter, or the system does not allow a value.
         """
-        given = tree_of(parameters, "'parameters'")
+        given = tree_of(parameters, "'parameters'") if isinstance(parameters, Mapping) else None
         if not isinstance(given, MappingNode):
             raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
         known = list(self._names.values)

@@ -10,6 +10,7 @@ from inspect import signature
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
@@ -190,6 +191,13 @@ REFUSED = {
     "a giant tolerance": {"rtol": 10**400},
     "no system": {"system": "belt"},
 }
+
+
+@pytest.mark.parametrize("argument", ["initial", "parameters", "mode", "stop"])
+def test_a_series_is_refused_as_no_mapping(argument: str) -> None:
+    given = {"initial": {"x": 0, "v": 1}, argument: pd.Series({"x": 0.0, "v": 1.0})}
+    with pytest.raises(hr.ArgumentError, match=f"'{argument}' must be a mapping, as in "):
+        hr.simulate(BLOCK, given.pop("initial"), until=3, **given)
 
 
 @pytest.mark.parametrize("front", [hr.simulate, hr.stream])
