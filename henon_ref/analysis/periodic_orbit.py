@@ -17,6 +17,7 @@ from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
@@ -25,6 +26,7 @@ REPETITIONS, LONGEST = 3, 64
 """Repetitions of a pattern required at the end of a run; largest number of transitions of a pattern."""
 
 
+@explained
 def periodic_orbit(
     system: System,
     initial: Mapping[Any, Any],

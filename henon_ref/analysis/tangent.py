@@ -20,6 +20,7 @@ import sympy as sp
 from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.expressions.traversal import size
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
@@ -162,6 +163,7 @@ class TangentAnalysis:
         return zones[::-1]
 
 
+@explained
 def tangent_points(
     system: System,
     *,
