@@ -116,9 +116,13 @@ class SwitchedField:
         """The expression with every parameter replaced by its exact number."""
         return expression.xreplace(dict(self.parameters)) if self.parameters else expression
 
+    def entries(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """Sign of each surface -> its entry in a mode."""
+        return {sign: sp.Integer(entry) for sign, entry in zip(self.signs, mode, strict=True)}
+
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """Signs of the surfaces in slip, as a substitution."""
-        return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+        """Sign of each surface in slip -> its entry in a mode."""
+        return {self.signs[i]: sp.Integer(entry) for i, entry in enumerate(mode) if entry}
 
     @cached_method
     def normal_velocity(self, index: int) -> sp.Expr:
