@@ -112,8 +112,6 @@ def _cost_description(tips: Mapping[str, NDArray[np.float64]]) -> str:
 
 LEAST = 1e-18
 """Errors below this value, and zero errors, are drawn at the lower edge [s]."""
-MARKERS = 6
-"""Approximate number of markers per curve."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +206,7 @@ def _draw_curve(axes: Axes, line: style.Line, curve: Curve, lowest: float, *, sh
     width = line.width if strong else 0.9
     drawn: dict[str, Any] = {"ls": line.dashes, "color": line.colour, "lw": width, "zorder": 3 if strong else 2}
     axes.plot([*times, end], [*shown, shown[-1]], drawstyle="steps-post", **drawn)
-    places = left + (right - left) * (np.arange(MARKERS) + shift) / MARKERS
+    places = left + (right - left) * (np.arange(6) + shift) / 6  # about six markers per curve
     places = places[(start <= places) & (places <= end)]
     places = places if places.size else times[-1:]
     levels = shown[np.searchsorted(times, places, side="right") - 1]

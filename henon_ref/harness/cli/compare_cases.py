@@ -38,10 +38,6 @@ from henon_ref.text import listed, message
 
 MOST_FAILING = 24
 """Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
-NOTE = (
-    "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, median "
-    "time, and geometric mean of its time relative to the fastest solver (times as long)."
-)
 
 
 def run(
@@ -163,7 +159,10 @@ def print_end(rows: Sequence[RunRow], *, readings: int) -> None:
     """Print the table of solvers, and the runs that are not right with reasons, for rows at the tightest settings."""
     print(standings_table(standings(rows)).text)
     if readings > 1:
-        print(NOTE)
+        print(
+            "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, "
+            "median time, and geometric mean of its time relative to the fastest solver (times as long)."
+        )
     found = failing(rows)
     for own in found[:MOST_FAILING]:
         print(failing_line(own))

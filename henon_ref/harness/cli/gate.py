@@ -53,10 +53,11 @@ SUMMARY = "GITHUB_STEP_SUMMARY"
 """Environment variable with the file to which a step of a GitHub workflow appends its summary."""
 MOST_NAMED = 8
 """Largest number of rows named in one message."""
-EXAMPLES = ("gate out", "gate out --require my-solver --junit junit.xml", "gate out --baseline ci/runs.csv")
 
 
-@app.command(epilog=examples(*EXAMPLES))
+@app.command(
+    epilog=examples("gate out", "gate out --require my-solver --junit junit.xml", "gate out --baseline ci/runs.csv")
+)
 def main(
     report: Annotated[
         Path,

@@ -21,9 +21,6 @@ from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 
 app = application()
 
-HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
-"""Help on the argument NAME."""
-
 
 @app.command(
     epilog=examples(
@@ -35,7 +32,14 @@ HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
     )
 )
 def main(
-    study: Annotated[str, typer.Argument(help=HELP, show_default=False, metavar="NAME")],
+    study: Annotated[
+        str,
+        typer.Argument(
+            help=" ".join(f"{name}: {own.summary}" for name, own in STUDIES.items()),
+            show_default=False,
+            metavar="NAME",
+        ),
+    ],
     cases: Annotated[
         list[Path] | None,
         typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE"),
@@ -93,7 +97,7 @@ def main(
     origin = provenance(" ".join(words))
     kept = KEPT if "resume" in own.takes else ""
     with writing_into(folder, kept=kept), locked([folder]), ProgressLine(sys.stderr) as shown:
-        made = own.make(StudyRequest(loaded, options, origin, folder, shown, status_line.show, rows))
+        made = own.make(StudyRequest(loaded, options, origin, folder, shown, rows))
         discard(folder, loaded)
     status_line.clear()
     for remark in made.remarks:

@@ -248,7 +248,7 @@ def summary_table(suite: Sequence[SuiteRow]) -> Table:
             lines.append((code(library), label, *(f"{n or ''}" for n in counts)))
     ends = (end.replace("_", " ") for end in ENDINGS)
     headings = ("library", "restart", *ends, "transitions missed", "spurious", "right by another restart")
-    return Table(headings, "ll" + "r" * len(COUNTED), lines)
+    return Table(headings, "llr", lines)
 
 
 def default_table(suite: Sequence[SuiteRow]) -> Table:
@@ -343,4 +343,4 @@ def option_table(rows: Sequence[OptionRow]) -> Table:
     )  # fmt: skip
     numbers = OptionRow.columns()[2:]
     lines = [(code(row.solver), row.option, *(f"{value:g}" for value in row.values(numbers))) for row in rows]
-    return Table(headings, "ll" + "r" * len(numbers), lines)
+    return Table(headings, "llr", lines)

@@ -153,7 +153,7 @@ def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
         own = {solver: _digits(summary(runs)) for solver, runs in by_solver(rows).items()}
         transitions = next((row.reference_transitions for row in rows if row.reference_transitions is not None), None)
         lines.append((f"[{reading}](#{reading})", _count(transitions), *(own.get(solver, "") for solver in solvers)))
-    return Table(("reading", "transitions", *map(code, solvers)), "lr" + "r" * len(solvers), lines)
+    return Table(("reading", "transitions", *map(code, solvers)), "lr", lines)
 
 
 def _digits(row: MatrixRow) -> str:
@@ -190,7 +190,7 @@ def run_table(records: Sequence[Record]) -> Table:
         "solver", "setting", "status", "matched", "missed / spurious", "worst error [s]", "digits",
         "stick error [s]", "time (IQR)", "compile", "steps", "right-hand sides", "event functions",
     )  # fmt: skip
-    return Table(headings, "lrlrrrrrrrrrr", lines)
+    return Table(headings, "lrlr", lines)
 
 
 def _count(value: int | None) -> str:
@@ -258,7 +258,7 @@ def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | Non
             cells.append("" if row is None else error(row.error_s))
             cells.append("" if row is None or row.length is None else f"{row.length:.9f}")
         rows.append(tuple(cells))
-    return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
+    return Table(tuple(headings), "rlr", rows)
 
 
 def _unit(result: ReadingResult) -> str:

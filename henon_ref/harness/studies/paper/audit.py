@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-SMALL_STEP = 1e-5
-"""A step ten times smaller than the listing's, which shows the trend of the durations [s]."""
 STEPS = tuple(1e-3 / 10 ** (k / 6) for k in range(13))
 """Steps at which the listing as printed is drawn [s]."""
 ORDER_STEPS = tuple(0.03 / 1.3**k for k in range(20))
@@ -194,7 +192,7 @@ def audit_row(family: str, name: str, defects: Collection[str]) -> AuditRow:
     """Run one of the :func:`sets`; floats are rounded to 10 digits."""
     run, limit = run_variant(defects), limit_of(defects)
     ended = run.status == "ok"
-    small = run_variant(defects, step=SMALL_STEP) if ended else run
+    small = run_variant(defects, step=PRINTED_STEP / 10) if ended else run  # shows the trend of the durations
     errors = None if limit == "none" else matched(run, truth_of(limit))
     brief = (run.modes[:-1] == 0) & (run.times[:-1] > SETTLED) & (np.diff(run.times) <= SLIVER)
     counts = (len(run.times), len(durations(run)), int(brief.sum())) if ended else (None,) * 3
@@ -250,7 +248,7 @@ def audit_table(rows: Iterable[AuditRow], beginning: str = "") -> Table:
         "mistake", "converges to", "status", "transitions", "sticks", "long [s]", "short [s]", "long, h/10",
         "short, h/10", "rms error [s]", "order", "order, crossings",
     )  # fmt: skip
-    return Table(headings, "lll" + "r" * 9, lines)
+    return Table(headings, "lllr", lines)
 
 
 def draw_audit() -> Figure:

@@ -12,7 +12,7 @@ from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.report.text.model import mode_tape, operations
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.price.measure import problem_of
+from henon_ref.harness.studies.page import problem_of
 from henon_ref.harness.table import Table
 from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
@@ -262,4 +262,4 @@ def effect_table(steps: Sequence[Step]) -> Table:
                 "" if step.to_carried is None else f"{step.to_carried:.2f}",
             )
         )
-    return Table(headings, "llrrrrrr", lines)
+    return Table(headings, "llr", lines)
