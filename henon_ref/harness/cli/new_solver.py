@@ -23,8 +23,6 @@ from henon_ref.text import message, shortened
 
 app = application()
 
-NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
-
 
 @app.command(epilog=examples("new-solver my-rk", "new-solver my-julia --program 'julia solver.jl'"))
 def main(
@@ -61,7 +59,7 @@ command = command_of(app, "new-solver")
 
 def check_name(name: str) -> None:
     """Raise CaseError for a name that is invalid, or already taken by a solver or a module."""
-    if not NAME.fullmatch(name) or len(name) > 40:
+    if not re.fullmatch(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*", name) or len(name) > 40:
         raise CaseError(
             f"NAME is {shortened(name)}; a name has lowercase letters and digits, begins with a letter, may contain "
             f"single - or _ inside, and has at most 40 characters, for example my-rk"

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
 """Relative tolerances of the atlas."""
-FAMILY = "family"
-"""Tag of a case whose readings differ in one parameter."""
 KINDS = {
     "two-roots": "distance of the two roots [s]",
     "grazing": "distance from the graze, in units of the surface",
@@ -76,7 +74,7 @@ def family_of(case: Case) -> Family | None:
     """
     first = case.readings[0]
     meaning = next((words for tag, words in KINDS.items() if tag in first.tags), None)
-    if FAMILY not in first.tags or meaning is None:
+    if "family" not in first.tags or meaning is None:
         return None
     alike = [reading for reading in case.readings if _equations(reading) == _equations(first)]
     values = {reading.name: reading.problem.system.parameters for reading in alike}

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
 
 import numpy as np
-import sympy as sp
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Case, load_case
@@ -28,7 +27,6 @@ from henon_ref.harness.report.svg import svg
 from henon_ref.harness.rows import RunRow
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
-from henon_ref.simulation.system import System
 from henon_ref.text import markdown
 from henon_ref.trajectory import Trajectory
 
@@ -52,12 +50,6 @@ def rows_of(cases: Sequence[Case], options: Options, observer: ProgressLine) -> 
 
 def shipped_problem(case: str, reading: str = "default") -> Problem:
     return load_case(shipped_folder() / f"{case}.yaml").reading(reading).problem
-
-
-def problem_of(system: System, initial: Mapping[str, float | str], until: float | str) -> Problem:
-    """Make a problem of a system that starts at t = 0; numbers are decimals."""
-    start = tuple(system.number(initial[name]) for name in system.state)
-    return Problem(system.model, sp.Integer(0), start, system.number(until))
 
 
 def title(case: str, reading: str = "default") -> str:

@@ -13,7 +13,7 @@ from henon_ref.analysis.tangent import TangentAnalysis
 from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, plane_of
-from henon_ref.harness.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of
+from henon_ref.harness.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of, rms
 from henon_ref.harness.studies.paper.systems import (
     FIG4_VALUES,
     POSITION,
@@ -89,8 +89,8 @@ def rk4_order(problem: Problem) -> float:
     found = []
     for step in ORDER_STEPS[2:16]:
         times = np.array([t.time for t in RK4.prepare(problem, step=step)().transitions])
-        if len(times) == len(truth) and (rms := float(np.sqrt(np.mean((times - truth) ** 2)))) > ROUNDING:
-            found.append((step, rms))
+        if len(times) == len(truth) and (error := rms(times - truth)) > ROUNDING:
+            found.append((step, error))
     return fitted_order(*zip(*found, strict=True))
 
 

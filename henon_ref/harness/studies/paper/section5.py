@@ -37,6 +37,7 @@ from henon_ref.harness.studies.paper.equations import rig_equations
 from henon_ref.harness.studies.paper.systems import Findings
 from henon_ref.harness.table import Table
 from henon_ref.taylor.tape import TIME
+from henon_ref.trajectory import sticks
 
 
 @dataclass(frozen=True)
@@ -240,14 +241,12 @@ def moving_belt() -> Findings:
     stuck = np.ravel(run.sample_modes) == 0
     (x2,), (surface,) = problem.system.states[1:], map(problem.system.numeric, problem.system.surfaces)
     belt = sp.lambdify(TIME, x2 - surface)(times)
-    starts = [t.time for t in run.transitions if t.kind == "stick"]
-    ends = [t.time for t in run.transitions if t.kind == "release"]
-    lengths = [next(end for end in ends if end > start) - start for start in starts if start < ends[-1]]
+    last = [stick.duration for stick in sticks(run.transitions, start=0.0, after=0.0)[-2:]]
     apart = largest_time_difference(run, other)
     drift = float(np.abs(run.samples[stuck, 1] - belt[stuck]).max())
     return Findings(
         {"moving_belt": run.status == "ok" and apart < 1e-10 and drift < 1e-12},
-        {"belt_transitions": len(run.transitions), "apart": apart, "drift": drift, "settled": sorted(lengths[-2:])},
+        {"belt_transitions": len(run.transitions), "apart": apart, "drift": drift, "settled": sorted(last)},
     )
 
 

@@ -19,17 +19,11 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import Turns, interleaved, timed
 from henon_ref.harness.rows import Row
 from henon_ref.harness.score.ranking import by_solver, grouped
-from henon_ref.harness.studies.page import (
-    draw_line,
-    finish,
-    fitted,
-    largest_time_difference,
-    problem_of,
-    shipped_problem,
-)
+from henon_ref.harness.studies.page import draw_line, finish, fitted, largest_time_difference, shipped_problem
 from henon_ref.harness.studies.pairs import FIRST, own_part
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.solver import Run, Solver
@@ -114,7 +108,8 @@ def chain_problem(blocks: int, *, belt: float = 0.2, until: float | None = None)
     golden = (math.sqrt(5) - 1) / 2  # its multiples modulo 1 spread the positions evenly, without repetition
     initial = {name: value for i in range(1, blocks + 1) for name, value in ((f"x{i}", i * golden % 1), (f"v{i}", 0))}
     horizon = 40.0 * blocks**-1.4 if until is None else until
-    return problem_of(chain(blocks, belt), {name: f"{x:.6f}" for name, x in initial.items()}, f"{horizon:.6f}")
+    start = {name: f"{x:.6f}" for name, x in initial.items()}
+    return problem_of(chain(blocks, belt), start, until=f"{horizon:.6f}")[1]
 
 
 def sizes(

@@ -39,10 +39,6 @@ STICKS = (1.17430046762285, 0.41641643691198)
 """Durations of the sticks of the periodic orbit of Fig. 8's `listing_limit` [s], certified by Krawczyk's test."""
 SETTLED = 500.0
 """Time after which the influence of the start is below rounding [s] (the orbit's multiplier is 0.4 per period)."""
-SHORT = 5.0
-"""Runs shorter than this wall time [s] are made three times."""
-LONG = 1e3
-"""Smallest horizon at which the power of the growth is fitted [s]."""
 BOUND = 1e-11
 """Largest allowed error of a stick in a run of a million seconds [s]."""
 SEEN = 400
@@ -95,11 +91,11 @@ def horizons_of(solver: str, problem: Problem, horizons: Sequence[float]) -> lis
 
 
 def _measured(solver: str, until: float, run: Callable[[], Ended]) -> Horizon:
-    """Measure a run."""
+    """Measure a run; one that is shorter than five seconds is made three times."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     ends: list[Ended] = []
     times: list[float] = []
-    while len(times) < 3 and (not times or times[0] < SHORT):
+    while len(times) < 3 and (not times or times[0] < 5.0):
         times.append(timed(lambda: ends.append(run())))
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     transitions, last = ends[-1]
@@ -164,7 +160,7 @@ def growth_table(found: Sequence[Horizon]) -> Table:
 def draw_growth(found: Sequence[Horizon]) -> Figure:
     """Draw the time per transition and the error of the last sticks over the horizon, for every solver."""
     solvers = by_solver(found)
-    powers = {solver: fitted(own, "until", "wall_s", LONG) for solver, own in solvers.items()}
+    powers = {solver: fitted(own, "until", "wall_s", since=1e3) for solver, own in solvers.items()}
     with style.figure(3.0) as figure:
         times, errors = figure.subplots(1, 2, sharex=True)
         for solver, fit in powers.items():

@@ -48,8 +48,6 @@ COUNTS = {
     "steps": "steps",
 }
 """Columns for the axis of cost, with their labels."""
-READY_DIGITS = 9
-"""Digits of the worst transition for which preparation times are measured."""
 AGAINST = {
     FIRST: ("heyoka", "scipy-dop853"),
     "heyoka": ("scipy-dop853",),
@@ -214,12 +212,12 @@ def rival_table(found: Sequence[PairRow]) -> Table:
 
 
 def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
-    """Measure preparation times on every reading, at the settings of the pairs with :data:`READY_DIGITS` digits."""
+    """Measure preparation times on every reading, at the settings of the pairs with nine digits."""
     problems = {(case.name, reading.name): reading.problem for case in cases for reading in case.readings}
     named = {*AGAINST, *(other for others in AGAINST.values() for other in others)}
     settings: dict[tuple[str, str, str], tuple[float, float]] = {}
     for row in pairs:
-        if row.digits == READY_DIGITS:
+        if row.digits == 9:
             settings.setdefault((*row.problem, FIRST), (number(row.rtol), row.wall_s))
             if row.rival in named:
                 settings[(*row.problem, row.rival)] = number(row.rival_rtol), row.rival_wall_s

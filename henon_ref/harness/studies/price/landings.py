@@ -13,13 +13,14 @@ from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.rows import ReadingRow
 from henon_ref.harness.score.ranking import by_solver, readings_of
-from henon_ref.harness.studies.page import problem_of, title
+from henon_ref.harness.studies.page import title
 from henon_ref.harness.studies.pairs import FIRST
 from henon_ref.harness.table import Table, duration, error
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.reference import split_double
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.system import System
 from henon_ref.text import code
 
@@ -61,7 +62,7 @@ def crest_crossings(depths: Sequence[str] = ("1", "1e-1", "1e-3", "1e-5", "1e-7"
         crest = System(["x", "v", "y"], {"g": depth}, {"s": "1 - g/2 - x"}, ["v", "-x", "s"])
         level = 1 - sp.Rational(depth) / 2
         exact = [((-1,), str(sp.N(sp.asin(level), 40))), ((1,), str(sp.N(sp.pi - sp.asin(level), 40)))]
-        found += _three("crest", f"g = {depth}", problem_of(crest, {"x": 0, "v": 1, "y": 0}, 3), exact)
+        found += _three("crest", f"g = {depth}", problem_of(crest, {"x": 0, "v": 1, "y": 0}, until=3)[1], exact)
     return found
 
 
