@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from henon_ref.figures import style
 from henon_ref.figures.style import describe
 from henon_ref.harness.rows import RunRow, TransitionRow, number
+from henon_ref.harness.score.ranking import by_solver
 from henon_ref.harness.score.reference import Expected
 from henon_ref.text import one_line
 
@@ -33,9 +34,7 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
     timed = [row for row in rows if row.wall_s and row.max_time_error_s is not None]
     if len(timed) < 2:
         return None
-    ladders = {
-        solver: [row for row in timed if row.solver == solver] for solver in dict.fromkeys(r.solver for r in timed)
-    }
+    ladders = by_solver(timed)
     points = {solver: _points(ladder, expected.floor) for solver, ladder in ladders.items()}
     tips = {solver: own[:, own[1].argmin()] for solver, own in points.items()}  # the most accurate run of each
     lines = style.lines_of(ladders)

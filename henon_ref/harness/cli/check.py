@@ -1,9 +1,4 @@
-"""Check stored reports against a fresh comparison, except for wall times.
-
-``henon-ref check CASE... [--reports DIR] [--fresh DIR]`` prints one line per difference and then has exit status 1; for
-other statuses see :mod:`henon_ref.commands.exit_status`. ``--fresh`` names a folder with the reports of a new
-comparison; without it, every run is repeated once.
-"""
+"""Command ``check``: check stored reports against a fresh comparison; the exit status is 1 if they differ."""
 
 from __future__ import annotations
 

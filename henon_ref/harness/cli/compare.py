@@ -1,8 +1,4 @@
-"""Command ``compare``: its options and their validation.
-
-``python -m henon_ref.compare CASE.yaml [...]`` has exit status 1 if the gate is not met or a required solver is wrong;
-for other statuses see :mod:`henon_ref.commands.exit_status`.
-"""
+"""Command ``compare``: its options and their validation."""
 
 from __future__ import annotations
 
@@ -41,10 +37,6 @@ def names(text: str | None, option: str) -> tuple[str, ...] | None:
     if not parts:
         raise typer.BadParameter("the list is empty", param_hint=option)
     return tuple(dict.fromkeys(parts))
-
-
-def _in(panel: str | None, **how: Any) -> Any:
-    return typer.Option(rich_help_panel=panel, **how)
 
 
 def _flag(name: str, panel: str | None, words: str) -> Any:
@@ -87,8 +79,8 @@ def main(
     ] = False,
     timeout: Annotated[
         float,
-        _in(
-            RUNS,
+        typer.Option(
+            rich_help_panel=RUNS,
             help="Limit on the processor time of one run. Its preparation may take 240 s in addition, and a truth that "
             "is not stored 300 s.",
             metavar="SECONDS",
@@ -96,8 +88,8 @@ def main(
     ] = 10.0,
     repeats: Annotated[
         int | None,
-        _in(
-            RUNS,
+        typer.Option(
+            rich_help_panel=RUNS,
             min=1,
             help="Timing samples per row. If omitted: as many as a fraction of a second allows.",
             metavar="N",
@@ -105,14 +97,19 @@ def main(
     ] = None,
     jobs: Annotated[
         int | None,
-        _in(RUNS, min=1, help="Concurrent runs. If omitted: 2, or 1 on a single processor core.", metavar="N"),
+        typer.Option(
+            rich_help_panel=RUNS,
+            min=1,
+            help="Concurrent runs. If omitted: 2, or 1 on a single processor core.",
+            metavar="N",
+        ),
     ] = None,
     resume: Annotated[bool, _flag("--resume", RUNS, "Continue an interrupted comparison from its rows.")] = False,
     json: Annotated[
         bool,
         _flag("--json", SHOWN, "Print the final table as a JSON document, and nothing else, on standard output."),
     ] = False,
-    figures: Annotated[bool, _in(SHOWN, help="Draw figures.", metavar=FLAG)] = True,
+    figures: Annotated[bool, typer.Option(rich_help_panel=SHOWN, help="Draw figures.", metavar=FLAG)] = True,
     gate: Annotated[
         bool,
         _flag(
@@ -121,8 +118,8 @@ def main(
     ] = False,
     require: Annotated[
         str | None,
-        _in(
-            DEMANDS,
+        typer.Option(
+            rich_help_panel=DEMANDS,
             help="Solvers, separated by commas. Exit with status 1 if one of them is wrong through its own fault at "
             "its tightest setting in some reading, or is not judged in any reading.",
             metavar="NAMES",

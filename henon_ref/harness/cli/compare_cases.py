@@ -32,7 +32,7 @@ from henon_ref.harness.report.svg import KINDS, figure_job, file_name
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import bounds_of, demand, gate
-from henon_ref.harness.score.ranking import at_fault, standings, standings_table, tightest
+from henon_ref.harness.score.ranking import at_fault, grouped, standings, standings_table, tightest
 from henon_ref.harness.table import count
 from henon_ref.text import listed, message
 
@@ -192,12 +192,11 @@ class Failing:
 
 def failing(rows: Sequence[RunRow]) -> list[Failing]:
     """Group the runs that are wrong by a fault of the solver, or have no answer, by solver, status and reason."""
-    found: dict[tuple[str, str, str], list[str]] = {}
-    for row in rows:
-        if at_fault(row) or row.status == "unavailable" or row.verdict in UNJUDGED:
-            key = row.solver, row.status, row.status_reason or ""
-            found.setdefault(key, []).append(f"{row.case} {row.reading} at {row.setting}")
-    return [Failing(*key, tuple(where)) for key, where in found.items()]
+    bad = (row for row in rows if at_fault(row) or row.status == "unavailable" or row.verdict in UNJUDGED)
+    alike = grouped(bad, lambda row: (row.solver, row.status, row.status_reason or ""))
+    return [
+        Failing(*key, tuple(f"{row.case} {row.reading} at {row.setting}" for row in own)) for key, own in alike.items()
+    ]
 
 
 def failing_line(found: Failing) -> str:

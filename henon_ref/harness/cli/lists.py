@@ -135,14 +135,14 @@ def _may_hold_kink(node: Node) -> bool:
     return any(map(_may_hold_kink, node.items)) if isinstance(node, SequenceNode) else may_have_kinks(node.text)
 
 
-@solvers_app.command(epilog=examples("solvers"))
+@solvers_app.command(
+    help="List solvers: package, version, error control (tolerances or fixed step), restart after events, and the "
+    "reason why a solver is unavailable.\n\n"
+    "A solver with a restart can be given another one: heyoka@direction. A solver that does not run by default runs if "
+    "a case or --solvers names it.",
+    epilog=examples("solvers"),
+)
 def solvers() -> int:
-    """List solvers: package, version, error control (tolerances or fixed step), restart after events, and the reason
-    why a solver is unavailable.
-
-    A solver with a restart can be given another one: heyoka@direction. A solver that does not run by default runs if a
-    case or --solvers names it.
-    """
     # A worker loads each third-party solver first, since its module may hang or crash.
     from henon_ref.harness import registry
     from henon_ref.harness.campaign.case_files import fixed_step
@@ -181,13 +181,13 @@ def unavailable(name: str) -> str:
     return ""
 
 
-@schema_app.command(epilog=examples("schema > case.schema.json"))
+@schema_app.command(
+    help="Print the JSON Schema of a case file, for editors that complete and check YAML.\n\n"
+    "Save the schema as case.schema.json next to a case file, and begin the case file with the line "
+    "'# yaml-language-server: $schema=case.schema.json': the editor then checks it while you write.",
+    epilog=examples("schema > case.schema.json"),
+)
 def schema() -> int:
-    """Print the JSON Schema of a case file, for editors that complete and check YAML.
-
-    Save the schema as case.schema.json next to a case file, and begin the case file with the line
-    '# yaml-language-server: $schema=case.schema.json': the editor then checks it while you write.
-    """
     from henon_ref.casefile.json_schema import schema_text
 
     print(schema_text(), end="")

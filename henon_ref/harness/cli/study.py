@@ -1,8 +1,4 @@
-"""Command ``henon-ref study NAME [CASES] [--out out]``.
-
-The exit status is 1 if a claim of the page fails its check; for other statuses see
-:mod:`henon_ref.commands.exit_status`.
-"""
+"""Command ``study``: run a study; the exit status is 1 if a claim of its page fails its check."""
 
 from __future__ import annotations
 

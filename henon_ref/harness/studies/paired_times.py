@@ -123,12 +123,8 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
     ``runs`` are the rows of the reports, which contain the digits and steps of each setting.
     """
     known = {run.key: run for run in runs}
-    slower: dict[tuple[str, str], list[PairRow]] = {}
-    for row in rows:
-        if row.against == OTHERS and row.ratio > 1:
-            slower.setdefault(row.problem, []).append(row)
     lines = []
-    for problem, own in slower.items():
+    for problem, own in readings_of(row for row in rows if row.against == OTHERS and row.ratio > 1).items():
         row = max(own, key=lambda row: row.ratio)
         cells = [report_link(*problem), bound(row.digits)]
         for solver, rtol, step, wall in (

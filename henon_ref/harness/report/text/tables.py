@@ -224,16 +224,15 @@ def reason_table(rows: Sequence[RunRow]) -> Table | None:
 
     Settings of a solver with equal entries share a line.
     """
-    merged: dict[tuple[str, ...], list[str]] = {}
-    for row in rows:
-        if row.verdict == "right" or row.status in NOT_RUN:
-            continue
+
+    def cells(row: RunRow) -> tuple[str, ...]:
         verdict = ": ".join(markdown(part) for part in (row.verdict, row.verdict_basis) if part)
         cause = f"[{CAUSES[row.cause].title}](../causes/README.md#{row.cause})" if row.cause else ""
-        cells = (code(row.solver), row.status, markdown(row.status_reason or ""), verdict, cause)
-        merged.setdefault(cells, []).append(row.setting)
+        return code(row.solver), row.status, markdown(row.status_reason or ""), verdict, cause
+
+    alike = grouped((row for row in rows if row.verdict != "right" and row.status not in NOT_RUN), cells)
     headings = ("solver", "setting", "status", "reason", "verdict", "cause")
-    lines = [(cells[0], ", ".join(at), *cells[1:]) for cells, at in merged.items()]
+    lines = [(solver, ", ".join(row.setting for row in own), *rest) for (solver, *rest), own in alike.items()]
     return Table(headings, "lrllll", lines) if lines else None
 
 

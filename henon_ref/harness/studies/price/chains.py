@@ -166,10 +166,10 @@ def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], 
     return ready, runs, interleaved(runs, rounds=ROUNDS)
 
 
-def _agree(first: Trajectory, other: Trajectory, most: float = 1e-9) -> bool:
-    """Check whether transition times [s] and end states differ by at most ``most``, so that times are comparable."""
+def _agree(first: Trajectory, other: Trajectory) -> bool:
+    """Check whether transition times [s] and end states differ by at most 1e-9, so that wall times are comparable."""
     ends = zip(first.end_state, other.end_state, strict=True)
-    return largest_time_difference(first, other) <= most and all(abs(a - b) <= most for a, b in ends)
+    return largest_time_difference(first, other) <= 1e-9 and all(abs(a - b) <= 1e-9 for a, b in ends)
 
 
 def size_table(found: Sequence[Size]) -> Table:
