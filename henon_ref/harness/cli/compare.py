@@ -39,6 +39,10 @@ def names(text: str | None, option: str) -> tuple[str, ...] | None:
     return tuple(dict.fromkeys(parts))
 
 
+def _in(panel: str | None, **how: Any) -> Any:
+    return typer.Option(rich_help_panel=panel, **how)
+
+
 def _flag(name: str, panel: str | None, words: str) -> Any:
     return typer.Option(name, help=words, metavar=FLAG, rich_help_panel=panel)
 
@@ -79,8 +83,8 @@ def main(
     ] = False,
     timeout: Annotated[
         float,
-        typer.Option(
-            rich_help_panel=RUNS,
+        _in(
+            RUNS,
             help="Limit on the processor time of one run. Its preparation may take 240 s in addition, and a truth that "
             "is not stored 300 s.",
             metavar="SECONDS",
@@ -88,8 +92,8 @@ def main(
     ] = 10.0,
     repeats: Annotated[
         int | None,
-        typer.Option(
-            rich_help_panel=RUNS,
+        _in(
+            RUNS,
             min=1,
             help="Timing samples per row. If omitted: as many as a fraction of a second allows.",
             metavar="N",
@@ -97,19 +101,14 @@ def main(
     ] = None,
     jobs: Annotated[
         int | None,
-        typer.Option(
-            rich_help_panel=RUNS,
-            min=1,
-            help="Concurrent runs. If omitted: 2, or 1 on a single processor core.",
-            metavar="N",
-        ),
+        _in(RUNS, min=1, help="Concurrent runs. If omitted: 2, or 1 on a single processor core.", metavar="N"),
     ] = None,
     resume: Annotated[bool, _flag("--resume", RUNS, "Continue an interrupted comparison from its rows.")] = False,
     json: Annotated[
         bool,
         _flag("--json", SHOWN, "Print the final table as a JSON document, and nothing else, on standard output."),
     ] = False,
-    figures: Annotated[bool, typer.Option(rich_help_panel=SHOWN, help="Draw figures.", metavar=FLAG)] = True,
+    figures: Annotated[bool, _in(SHOWN, help="Draw figures.", metavar=FLAG)] = True,
     gate: Annotated[
         bool,
         _flag(
@@ -118,8 +117,8 @@ def main(
     ] = False,
     require: Annotated[
         str | None,
-        typer.Option(
-            rich_help_panel=DEMANDS,
+        _in(
+            DEMANDS,
             help="Solvers, separated by commas. Exit with status 1 if one of them is wrong through its own fault at "
             "its tightest setting in some reading, or is not judged in any reading.",
             metavar="NAMES",
