@@ -14,10 +14,10 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
-from henon_ref.system.python_values import argument_error, mapping, tree_of, written, written_name
+from henon_ref.system.python_values import argument_error, mapping, mapping_of, tree_of, written, written_name
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, Node
-from henon_ref.text import did_you_mean, listed, shortened
+from henon_ref.text import listed, shortened
 
 STOPS = 63
 """Number of surfaces on which a run can be stopped (the first ones): bits of a positive int64."""
@@ -64,7 +64,7 @@ def problem_of(
     The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid.
     """
     initial, until, start, mode = start_of(system, initial, until, start, mode)
-    if parameters:
+    if parameters is not None:
         system = system.with_parameters(parameters)
     given = _mapping(initial, "'initial'", "state", system.state)
     entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
@@ -81,14 +81,8 @@ def problem_of(
 
 def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:
     """Return a mapping as a tree node; ArgumentError if a name is not known."""
-    node = tree_of(value, what)
-    if not isinstance(node, MappingNode):
-        others = ", or an array with a value for each state" if kind == "state" else ""
-        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0] if known else 's'!r}: 0}}{others}")
-    for name in node.entries:
-        if name not in known:
-            raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
-    return node
+    others = ", or an array with a value for each state" if kind == "state" else ""
+    return mapping_of(value, what, kind, known, f"{{{known[0] if known else 's'!r}: 0}}{others}")
 
 
 def tolerance_of(value: Any) -> float:

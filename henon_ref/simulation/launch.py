@@ -70,7 +70,7 @@ def launch(
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     quick: QuickStart | None = system.prepared.get(tolerance)
     begin = None if quick is None else quick(initial, until, start, parameters, mode)
-    stopping = stop_of(system, stop) if stop else (0, 0)
+    stopping = stop_of(system, stop) if stop is not None else (0, 0)
     if begin is not None and quick is not None:
         integrator = quick.integrator
     else:  # errors are reported before anything is compiled
@@ -84,7 +84,7 @@ def launch(
                 quick = _prepared(system, tolerance)
                 if quick is not None:  # loads its compiled functions now, not in the second run
                     quick(initial, until, start, parameters, mode)
-    if stop or max_steps != MOST_STEPS:
+    if stop is not None or type(max_steps) is not int or max_steps != MOST_STEPS:
         run = begin.scalars
         run.stop_falling, run.stop_rising = stopping
         run.most_steps = min(whole_number(max_steps, "max_steps"), NO_LIMIT)

@@ -11,10 +11,10 @@ import numpy as np
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import mapping, sequence, tree_of, written_name
+from henon_ref.system.python_values import mapping, mapping_of, sequence, tree_of, written_name
 from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node, Place
+from henon_ref.system.tree import Node, Place
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
@@ -66,9 +66,7 @@ class Scene:
     """
 
     def __init__(self, parameters: Mapping[Any, Any] | None = None) -> None:
-        self._parameters = tree_of({} if parameters is None else parameters, "'parameters'")
-        if not isinstance(self._parameters, MappingNode):
-            raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
+        self._parameters = mapping_of({} if parameters is None else parameters, "'parameters'")
         self._bodies: dict[str, Node] = {}
         self._connections: list[Node] = []
         self._declared: list[str] = []

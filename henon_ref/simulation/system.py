@@ -24,6 +24,7 @@ from henon_ref.system.python_values import (
     argument_error,
     as_given,
     mapping,
+    mapping_of,
     python_number,
     source_of,
     tree_of,
@@ -32,7 +33,7 @@ from henon_ref.system.python_values import (
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, ScalarNode, child, merged
 from henon_ref.taylor.tape import TIME
-from henon_ref.text import did_you_mean, listed
+from henon_ref.text import listed
 
 
 class System:
@@ -231,14 +232,9 @@ class System:
         HenonRefError
             If a name is not a parameter, or the system does not allow a value.
         """
-        given = tree_of(parameters, "'parameters'")
-        if not isinstance(given, MappingNode):
-            raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
-        known = list(self._names.values)
-        for name in given.entries:
-            if name not in known:
-                what = f"'{name[:60]}' is no parameter{did_you_mean(name, known)}"
-                raise ArgumentError(f"{what}; parameters: {listed(known)}")
+        given = mapping_of(parameters, "'parameters'", "parameter", list(self._names.values))
+        if not given.entries:
+            return self
         key = "system" if "system" in self.tree.entries else "scene"
         other = System.__new__(System)
         other._read(merged(self.tree, mapping({key: mapping({"parameters": given})})))

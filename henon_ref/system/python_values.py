@@ -6,7 +6,7 @@ A system from Python is thus checked by the same code as one from a file (:mod:`
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Integral, Rational, Real
@@ -22,7 +22,7 @@ from henon_ref.expressions.operations import Work, spelled_out
 from henon_ref.expressions.traversal import size
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
-from henon_ref.text import shortened
+from henon_ref.text import did_you_mean, listed, shortened
 
 NOWHERE = Place(0, 0)
 """Place of values from Python, which have no line in a file."""
@@ -128,6 +128,23 @@ def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) ->
     if isinstance(value, Integral):
         return ScalarNode(place, int(value), found, None)
     return ScalarNode(place, Decimal(found) if isinstance(value, float | Decimal) else found, found, None)
+
+
+def mapping_of(
+    value: object, what: str, kind: str = "", known: Collection[str] = (), example: str = "{name: value}"
+) -> MappingNode:
+    """Return a mapping as a node (:func:`tree_of`); ArgumentError if it is none.
+
+    ``kind``: what its names are, such as ``parameter``, if only ``known`` names are allowed.
+    """
+    if not isinstance(value, Mapping):
+        raise ArgumentError(f"{what} must be a mapping, as in {example}")
+    node = tree_of(value, what)
+    assert isinstance(node, MappingNode)
+    for name in node.entries if kind else ():
+        if name not in known:
+            raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
+    return node
 
 
 def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:

@@ -10,6 +10,7 @@ from inspect import signature
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
@@ -164,6 +165,9 @@ REFUSED = {
     "an unknown parameter": {"parameters": {"G": 1}},
     "a parameter that is nan": {"parameters": {"F": math.nan}},
     "parameters that are a number": {"parameters": 3},
+    "parameters in an array": {"parameters": np.array([1.0, 2.0])},
+    "parameters in an empty list": {"parameters": []},
+    "parameters in a row of a table": {"parameters": pd.DataFrame({"F": [0.5, 1]}).iloc[1]},
     "a mode of an unknown surface": {"mode": {"q": 1}},
     "a mode that is none": {"mode": {"s": 2}},
     "a mode on the other side": {"mode": {"s": -1}},
@@ -182,6 +186,8 @@ REFUSED = {
     "a stop in no direction": {"stop": {"s": "sideways"}},
     "a stop in a list of directions": {"stop": {"s": ["falling"]}},
     "a stop that is text": {"stop": "s"},
+    "a stop in an array": {"stop": np.array(["s", "falling"])},
+    "a number of steps in an array": {"max_steps": np.array([1, 2])},
     "a giant number": {"until": 10**400},
     "a giant power": {"until": "9^9^9^9"},
     "a giant tolerance": {"rtol": 10**400},
