@@ -246,9 +246,10 @@ def _reading(
     check_model(source)
     expected.check_runs(source, form, solvers)
     expected.check_gates(source, form, fixed_step)
-    problem, names = build_problem(source)
+    problem = build_problem(source)
     check_surfaces(source, problem)
-    after = source.number(("measure", "after"), names.values) if "after" in source.keys(("measure",)) else 0
+    values = problem.system.parameter_values
+    after = source.number(("measure", "after"), values) if "after" in source.keys(("measure",)) else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
     return Reading(
@@ -260,16 +261,16 @@ def _reading(
         steps=form.steps,
         measure_after=float(after),
         published=form.published,
-        exact=expected.exact(source, form, names, problem),
-        orbit=expected.orbit(source, form, names),
+        exact=expected.exact(source, form, problem),
+        orbit=expected.orbit(source, form, problem),
         gate=dict(form.gate),
-        expect=expected.expectation(source, form, names, problem),
+        expect=expected.expectation(source, form, problem),
         source=form.source,
         story=form.story,
         equations=form.equations,
         links=form.links,
         tags=form.tags,
-        scene=read_scene(source)[0] if form.scene is not None else None,
+        scene=read_scene(source) if form.scene is not None else None,
     )
 
 

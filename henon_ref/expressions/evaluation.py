@@ -42,8 +42,8 @@ from henon_ref.expressions.operations import (
 from henon_ref.expressions.parser import parsed
 
 Written: TypeAlias = "str | sp.Expr"
-KINKED = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
-"""SymPy's functions with kinks or jumps."""
+Kinked = tuple[sp.Expr, list[sp.Expr]]
+"""Expression, and the arguments of its kinks in order of appearance."""
 SMOOTH = dict.fromkeys(FUNCTIONS, 1)
 NUMBER, FIELD = SMOOTH | CONSTANT_FUNCTIONS, SMOOTH | KINK_FUNCTIONS
 """Function -> number of its arguments: in an expression whose value is a number, and in a component of a field."""
@@ -81,16 +81,7 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
     ExpressionError
         With the offset and the fault, and what is allowed.
     """
-    return _worked_out(written, names, Work() if work is None else work, SMOOTH)[0]
-
-
-def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.expressions.kinks`).
-
-    The expression has a :class:`henon_ref.expressions.kinks.Sgn` for each sign; the arguments of the signs are returned
-    with it, in order of appearance.
-    """
-    return _worked_out(written, names, work, FIELD)
+    return evaluated(written, names, Work() if work is None else work, SMOOTH)[0]
 
 
 def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
@@ -98,7 +89,7 @@ def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | No
 
     ``abs`` and ``atan2`` are allowed in addition; the value must be real and within the range of a double.
     """
-    return _worked_out(written, names, Work() if work is None else work, NUMBER)[0]
+    return evaluated(written, names, Work() if work is None else work, NUMBER)[0]
 
 
 def read(written: Written, names: Mapping[str, object], work: Work, functions: Mapping[str, int]) -> Operation:
@@ -116,10 +107,12 @@ def read(written: Written, names: Mapping[str, object], work: Work, functions: M
     return operation
 
 
-def _worked_out(
-    written: Written, names: Mapping[str, sp.Expr], work: Work, functions: Mapping[str, int]
-) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Return the value of an expression and the arguments of its kinks; both are cached."""
+def evaluated(written: Written, names: Mapping[str, sp.Expr], work: Work, functions: Mapping[str, int]) -> Kinked:
+    """Return the value of an expression and the arguments of its kinks; both are cached.
+
+    Kinks and jumps (see :mod:`henon_ref.expressions.kinks`) are allowed if ``functions`` is ``FIELD``; the value then
+    has a :class:`henon_ref.expressions.kinks.Sgn` for each sign.
+    """
     work.charge(CACHED, 0)
     operation = read(written, names, work, functions)
     key = key_of(f"all, {id(functions)}", operation, names)
@@ -131,7 +124,7 @@ def _worked_out(
         else:
             value = _smooth(value)
         work.known[key] = value, walk.kinks(operation) if functions is FIELD else []
-    found: tuple[sp.Expr, list[sp.Expr]] = work.known[key]
+    found: Kinked = work.known[key]
     return found
 
 
@@ -147,7 +140,11 @@ def _smooth(value: sp.Expr) -> sp.Expr:
 
 
 def check_sides(
-    written: Written, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work, *, kinks: bool = False
+    written: Written,
+    names: Mapping[str, sp.Expr],
+    signs: Mapping[str, sp.Symbol],
+    work: Work,
+    functions: Mapping[str, int],
 ) -> None:
     """Check that an expression has a value with each sign at -1 and at +1.
 
@@ -158,7 +155,7 @@ def check_sides(
     if not signs:
         return
     names = overlaid(signs, names)
-    operation = read(written, names, work, FIELD if kinks else SMOOTH)
+    operation = read(written, names, work, functions)
     key = key_of("sides", operation, names)
     if key in work.known:
         return
@@ -166,12 +163,12 @@ def check_sides(
     harmless = set(signs).difference(*(held for _, held in found))
     for side in (-1, 1):
         sides = overlaid(dict.fromkeys(harmless, sp.Integer(side)), names)
-        _worked_out(written, sides, work, FIELD if kinks else SMOOTH)
+        evaluated(written, sides, work, functions)
     for part, held in found:
         for name in held:
             for side in (-1, 1):
                 try:
-                    Walk(overlaid({name: sp.Integer(side)}, names), work, kinked=kinks).value(part)
+                    Walk(overlaid({name: sp.Integer(side)}, names), work, kinked=functions is FIELD).value(part)
                 except ExpressionError as error:
                     raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
     work.known[key] = None

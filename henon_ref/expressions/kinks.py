@@ -23,10 +23,6 @@ MAX_TERMS = 1_000
 """Largest number of terms, multiplied out, of a difference that is tested for zero."""
 
 
-Kinked = tuple[sp.Expr, list[sp.Expr]]
-"""Expression, and the arguments of its kinks in order of appearance."""
-
-
 class Sgn(sp.Function):
     """Sign of an expression, before it has a symbol."""
 

@@ -74,7 +74,7 @@ def problem_of(
     try:
         with one_at_a_time():
             check_form(source.tree)
-            return system, build_problem(source)[0]
+            return system, build_problem(source)
     except HenonRefError as error:
         raise argument_error(error) from None
 

@@ -11,7 +11,7 @@ import numpy as np
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import mapping, mapping_of, sequence, tree_of, written_name
+from henon_ref.system.python_values import mapping, mapping_of, sequence, source_of, tree_of, written_name
 from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
 from henon_ref.system.tree import Node, Place
@@ -191,7 +191,7 @@ class Scene:
         """
         bodies, connections = mapping(self._bodies), sequence(self._connections)
         scene = mapping({"parameters": self._parameters, "bodies": bodies, "connections": connections})
-        return System.from_tree(mapping({"scene": scene}), declared=self._declared)
+        return System.from_source(source_of(mapping({"scene": scene})), self._declared)
 
     # -- pictures ---------------------------------------------------------------------------------------
 
@@ -266,8 +266,7 @@ class Scene:
 
         if len(self._bodies) > MOST_BODIES:
             raise ArgumentError(f"the scene has {len(self._bodies)} bodies; a picture shows at most {MOST_BODIES}")
-        scene, _ = read_scene(Source(self.system().tree))
-        return scene
+        return read_scene(Source(self.system().tree))
 
     @staticmethod
     def _axes(scene: Any) -> Axes:

@@ -83,7 +83,7 @@ def load_sweep(path: str | Path) -> Plan:
     source = Source(read_yaml(path, "sweep file"), str(path))
     form = read_form(SweepForm, source)
     check_model(source)
-    problem, _ = build_problem(source)
+    problem = build_problem(source)
     check_surfaces(source, problem)
     system = System.from_source(source)
     points = _points(source, system, Path(path).parent)

@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 
 import sympy as sp
 
-from henon_ref.expressions.kinks import MAX_INNER, Kinked, Kinks, at_signs, without_signs
+from henon_ref.expressions.evaluation import Kinked
+from henon_ref.expressions.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.system.source import Names, Path, Source
 
 

@@ -5,25 +5,23 @@ Only the connections named in the scene become part of the equations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
 from henon_ref.expressions.bounds import exact_sign
+from henon_ref.expressions.evaluation import FIELD, SMOOTH, Kinked
 from henon_ref.expressions.grammar import MAX_STATES, NAME, name_problem
 from henon_ref.expressions.kinks import Kinks
 from henon_ref.expressions.operations import names_in
 from henon_ref.system.assembly import Body, BodyKind, Connection, Scene
 from henon_ref.system.connections import KINDS, Key, Kind, Link, Range
 from henon_ref.system.kinks import check_kinks, resolved
-from henon_ref.system.source import WITH_VALUES, Names, Path, Source
+from henon_ref.system.source import WITH_VALUES, Path, Source
 from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
-T = TypeVar("T")
 KEYS: Mapping[str, tuple[BodyKind, str]] = {
     "mass": ("mass", "kg"),
     "inertia": ("rotor", "kg m^2"),
@@ -40,7 +38,7 @@ _KINK = "a kink"
 """Owner of the name of a kink, which several connections may share."""
 
 
-def build_scene(source: Source) -> tuple[Scene, Names]:
+def build_scene(source: Source) -> Scene:
     """Build the scene of a case file."""
     return _read(source)[1]
 
@@ -51,7 +49,7 @@ def conditions(source: Source) -> list[sp.Expr]:
     return [*reader.wanted, *reader.kinks.conditions]
 
 
-def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
+def _read(source: Source) -> tuple[_Reader, Scene]:
     """Read a scene; once more with its surfaces known if a kink equals the surface of a later connection."""
     reader = _Reader(source)
     found = reader.scene()
@@ -78,7 +76,7 @@ class _Reader:
         self.states: dict[str, sp.Symbol] = {}
         self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
 
-    def scene(self) -> tuple[Scene, Names]:
+    def scene(self) -> Scene:
         self.bodies = self._read_bodies()
         self.states = {x.name: x for body in self.bodies.values() for x in body.states}
         if not self.states:
@@ -87,7 +85,7 @@ class _Reader:
         self._check_size("bodies", "states", len(self.states))
         owners = dict.fromkeys(self.states, "a state") | dict.fromkeys(self.values, "a parameter")
         owners |= {name: owners.get(name, "a body") for name in self.bodies}
-        found, signs = [], []
+        found = []
         node = child(self.source.tree, CONNECTIONS)
         for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
             link = self._link(number)
@@ -95,10 +93,8 @@ class _Reader:
             ends, surfaces = tuple(body.name for body in link.ends), link.surfaces | link.shared
             kinks = self.kinks.surfaces.keys() & surfaces.keys()
             found.append(Connection(link.kind, ends, link.name, link.pushes, surfaces, kinks, link.holds, link.impacts))
-            signs += [sign.name for sign in surfaces]
-        self._check_size("connections", "surfaces", len(set(signs)))
-        names = Names.of(list(self.states), list(dict.fromkeys(signs)), self.values)
-        return Scene(self.bodies, tuple(found), names.exact_parameters()), names
+        self._check_size("connections", "surfaces", len({sign for each in found for sign in each.surfaces}))
+        return Scene(self.bodies, tuple(found), self.kinks.parameters)
 
     def _check_size(self, key: str, what: str, number: int) -> None:
         if number > MAX_STATES:
@@ -128,7 +124,7 @@ class _Reader:
 
     def _constant(self, path: Path, what: str, allowed: Range) -> sp.Expr:
         """Read an expression in the parameters and check the range of its value."""
-        expression = self.source.expression(path, self.symbols)
+        expression, _ = self.source.expression(path, self.symbols, SMOOTH)
         value = self.source.number(path, self.values)
         if allowed == "positive":
             self._want(expression, value, path, f"{what} must be larger than 0", above=True)
@@ -138,10 +134,10 @@ class _Reader:
             self._want(1 - expression, 1 - value, path, f"{what} must be at most 1")
         return expression
 
-    def _moving(self, read: Callable[..., T], path: Path, states: Mapping[str, sp.Expr] = MappingProxyType({})) -> T:
+    def _moving(self, path: Path, functions: Mapping[str, int], states: Mapping[str, sp.Expr]) -> Kinked:
         """Read an expression in time, parameters and states; check it with the parameters' values, too."""
-        found = read(path, {**self.symbols, "t": TIME, **states})
-        read(path, {**self.values, "t": TIME, **states}, WITH_VALUES)
+        found = self.source.expression(path, {**self.symbols, "t": TIME, **states}, functions)
+        self.source.expression(path, {**self.values, "t": TIME, **states}, functions, WITH_VALUES)
         return found
 
     def _read_bodies(self) -> dict[str, Body]:
@@ -198,8 +194,8 @@ class _Reader:
         name, kind, source = str(path[-1]), KEYS[key][0], self.source
         if kind == "fixed":
             source.number((*path, key), self.values)
-            return Body(name, kind, source.expression((*path, key), self.symbols), sp.Integer(0))
-        given = self._moving(source.expression, (*path, key))
+            return Body(name, kind, source.expression((*path, key), self.symbols, SMOOTH)[0], sp.Integer(0))
+        given, _ = self._moving((*path, key), SMOOTH, {})
         return Body(name, kind, None, given) if key == "velocity" else Body(name, kind, given, sp.diff(given, TIME))
 
     def _state_names(self, path: Path, kind: BodyKind) -> tuple[str, str]:
@@ -314,7 +310,7 @@ class _Reader:
         if key.of == "parameters":
             link.values[key.name] = self._constant(path, what, key.range)
             return
-        written = self._moving(self.source.field, path, self.states if key.of == "states" else {})
+        written = self._moving(path, FIELD, self.states if key.of == "states" else {})
         if key.of == "time":  # kinks and jumps become surfaces
             link.values[key.name] = link.kinked(resolved(self.source, path, self.kinks, written))
         else:
