@@ -40,7 +40,7 @@ from henon_ref.system.assembly import Scene
 from henon_ref.system.problem import build_problem, read_scene
 from henon_ref.system.source import Path as KeyPath
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, ScalarNode, merged, words
+from henon_ref.system.tree import MappingNode, ScalarNode, mapping, merged, words
 from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"
@@ -217,7 +217,7 @@ def reading_sources(whole: Source) -> list[tuple[str, Source]]:
     if not isinstance(readings, MappingNode) or not readings.entries:
         message = "'readings' must be a mapping, as in {name: {key: value}}, with at least one reading"
         raise whole.error(("readings",), message)
-    base = MappingNode(tree.place, {k: v for k, v in tree.entries.items() if k != "readings"}, tree.keys, tree.size)
+    base = mapping({k: v for k, v in tree.entries.items() if k != "readings"}, tree.place, tree.keys)
     found, size = [], 0
     for name, overrides in readings.entries.items():
         path = ("readings", name)

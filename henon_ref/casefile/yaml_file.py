@@ -19,7 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.reader import ReaderError
 
 from henon_ref.errors import CaseError
-from henon_ref.system.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode
+from henon_ref.system.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode, mapping, sequence
 from henon_ref.text import shortened
 
 CASE = "case file"
@@ -186,7 +186,7 @@ class _Reader:
             if isinstance(event, ev.SequenceEndEvent):
                 break
             items.append(self._node(event, depth + 1))
-        return SequenceNode(_place(start), tuple(items), 1 + sum(i.size for i in items))
+        return sequence(items, _place(start))
 
     def _mapping(self, start: ev.Event, depth: int) -> MappingNode:
         entries: dict[str, Node] = {}
@@ -203,7 +203,7 @@ class _Reader:
                 # The parser places an absent value after the next token; it belongs to its key.
                 value = ScalarNode(keys[key], None, "", None)
             entries[key] = value
-        return MappingNode(_place(start), entries, keys, 1 + sum(e.size for e in entries.values()))
+        return mapping(entries, _place(start), keys)
 
     def _key(self, event: ev.Event, depth: int) -> str:
         node = self._node(event, depth + 1)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
 from typing import Any
 
-from henon_ref.errors import ArgumentError
+from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.integrator.integrator import Integrator, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
@@ -96,7 +97,11 @@ def _prepared(system: System, tolerance: float) -> QuickStart | None:
     if len(system.prepared) >= 32:
         system.prepared.clear()
     error = local_error(tolerance)
-    made = system.prepared[tolerance] = QuickStart.of(system, integrator_of(system, error), error)
+    integrator, made = integrator_of(system, error), None
+    if not system.has_moving_exponents:
+        with suppress(ModelError):
+            made = QuickStart(system, integrator, error)
+    system.prepared[tolerance] = made
     return made
 
 

@@ -11,10 +11,10 @@ import numpy as np
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import mapping, mapping_of, sequence, source_of, tree_of, written_name
+from henon_ref.system.python_values import mapping_of, source_of, tree_of, written_name
 from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
-from henon_ref.system.tree import Node, Place
+from henon_ref.system.tree import Node, Place, mapping, sequence
 from henon_ref.text import listed
 
 if TYPE_CHECKING:

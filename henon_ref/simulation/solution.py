@@ -65,7 +65,7 @@ class Solution(Outcome):
 
     @cached_property
     def sol(self) -> DenseOutput | None:
-        return None if self._steps is None else DenseOutput.of(self._steps, self.start_time, self.trajectory)
+        return None if self._steps is None else DenseOutput(self._steps, self.start_time, self.trajectory)
 
     @cached_property
     def t(self) -> NDArray[np.float64]:

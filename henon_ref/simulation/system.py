@@ -23,7 +23,6 @@ from henon_ref.system.python_values import (
     OwnStart,
     argument_error,
     as_given,
-    mapping,
     mapping_of,
     python_number,
     source_of,
@@ -31,7 +30,7 @@ from henon_ref.system.python_values import (
     written_name,
 )
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, ScalarNode, child, merged
+from henon_ref.system.tree import MappingNode, ScalarNode, child, mapping, merged
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 

@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import MAX_SIZE
-from henon_ref.expressions.bounds import exact_sign, put
+from henon_ref.expressions.bounds import NOT_FINITE, exact_sign, put
 from henon_ref.expressions.evaluation import Kinked
 from henon_ref.expressions.grammar import NOT_STATES, may_have_kinks, name_problem
 from henon_ref.expressions.traversal import size
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
 """Keys of a case file that determine its system."""
-NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 """Functions with a restricted domain or with poles."""
 
@@ -235,7 +234,7 @@ def _check_start(source: Source, problem: Problem) -> None:
             value = _at_start(problem, expression)
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if not (value.has(*NO_VALUE) or value.is_real is False):
+        if not (value.has(*NOT_FINITE) or value.is_real is False):
             continue
         surfaces = problem.system.surfaces
         if expression in surfaces and surfaces.index(expression) in problem.system.unused_kinks(_sides(problem)):
@@ -268,7 +267,7 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
         return False
     value = _at_start(problem, expression)
     ends = (_at_start(problem, p.base) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
-    return value.has(*NO_VALUE) or value.is_real is False or any(ends)
+    return value.has(*NOT_FINITE) or value.is_real is False or any(ends)
 
 
 def _check_stops(source: Source, problem: Problem) -> None:
@@ -326,4 +325,4 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
 
 def _side_at_start(problem: Problem, expression: sp.Expr) -> int:
     value = _at_start(problem, expression)
-    return 0 if value.has(*NO_VALUE) else exact_sign(value)
+    return 0 if value.has(*NOT_FINITE) else exact_sign(value)

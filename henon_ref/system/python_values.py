@@ -21,11 +21,9 @@ from henon_ref.expressions.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH,
 from henon_ref.expressions.operations import Work, spelled_out
 from henon_ref.expressions.traversal import size
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
+from henon_ref.system.tree import NOWHERE, MappingNode, Node, Place, ScalarNode, SequenceNode, child, mapping, sequence
 from henon_ref.text import did_you_mean, listed, shortened
 
-NOWHERE = Place(0, 0)
-"""Place of values from Python, which have no line in a file."""
 MOST_ENTRIES = 10_000
 """Largest number of entries of a list or mapping."""
 DEEPEST = 8
@@ -145,17 +143,6 @@ def mapping_of(
         if name not in known:
             raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
     return node
-
-
-def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:
-    """Return a mapping node; each key has the place of its value."""
-    keys = {key: entry.place for key, entry in entries.items()}
-    return MappingNode(place, entries, keys, 1 + sum(entry.size for entry in entries.values()))
-
-
-def sequence(items: Sequence[Node], place: Place = NOWHERE) -> SequenceNode:
-    """Return a sequence node."""
-    return SequenceNode(place, tuple(items), 1 + sum(item.size for item in items))
 
 
 def python_number(number: sp.Expr) -> Number:
