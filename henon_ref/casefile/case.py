@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -162,9 +162,8 @@ def case_and_sources(
     if not isinstance(path, str | Path):
         raise CaseError(f"path is {path!r}, wanted a str or a Path")
     path = located(path)
-    whole = Source(read_yaml(path), str(path))
-    sources = reading_sources(whole)
-    return replace(_case(whole, sources, solvers, fixed_step), path=path), dict(sources)
+    case, sources = _case(Source(read_yaml(path), str(path)), solvers, fixed_step)
+    return replace(case, path=path), sources
 
 
 def parse_case(
@@ -175,22 +174,19 @@ def parse_case(
     fixed_step: Callable[[str], bool] | None = None,
 ) -> Case:
     """Read a case from text (see :func:`load_case`)."""
-    whole = Source(parse_yaml(text, file=file), file)
-    return _case(whole, reading_sources(whole), solvers, fixed_step)
+    return _case(Source(parse_yaml(text, file=file), file), solvers, fixed_step)[0]
 
 
 def _case(
-    whole: Source,
-    sources: Sequence[tuple[str, Source]],
-    solvers: Collection[str] | None,
-    fixed_step: Callable[[str], bool] | None,
-) -> Case:
-    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in sources)
+    whole: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+) -> tuple[Case, dict[str, Source]]:
+    sources = reading_sources(whole)
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in sources.items())
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
         raise whole.error((), "the key 'title' is missing at the top (a reading may have a title in addition)")
     assert name is not None  # every reading has the name and none may change it
-    return Case(name, title, source, readings)
+    return Case(name, title, source, readings), sources
 
 
 def _line(whole: Source, key: str) -> str | None:
@@ -208,17 +204,17 @@ def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value
         raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
 
 
-def reading_sources(whole: Source) -> list[tuple[str, Source]]:
-    """Return the name and the source of every reading of a file, with its overrides applied."""
+def reading_sources(whole: Source) -> dict[str, Source]:
+    """Return the source of every reading of a file by name, with its overrides applied."""
     tree, file = whole.tree, whole.file
     if "readings" not in tree.entries:
-        return [(DEFAULT_READING, whole)]
+        return {DEFAULT_READING: whole}
     readings = tree.entries["readings"]
     if not isinstance(readings, MappingNode) or not readings.entries:
         message = "'readings' must be a mapping, as in {name: {key: value}}, with at least one reading"
         raise whole.error(("readings",), message)
     base = mapping({k: v for k, v in tree.entries.items() if k != "readings"}, tree.place, tree.keys)
-    found, size = [], 0
+    found, size = dict[str, Source](), 0
     for name, overrides in readings.entries.items():
         path = ("readings", name)
         _checked(whole, path, file_name, name, key=True)
@@ -235,7 +231,7 @@ def reading_sources(whole: Source) -> list[tuple[str, Source]]:
             message = f"with this reading, all readings together have more than {MAX_WRITTEN_OUT} keys and values"
             raise whole.error(path, f"{message} (inherited ones included); give fewer readings", key=True)
         check_added_parameters(source, whole)
-        found.append((name, source))
+        found[name] = source
     return found
 
 

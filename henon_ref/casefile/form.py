@@ -83,16 +83,13 @@ class Kind:
         return isinstance(self.type, type) and issubclass(self.type, Form)
 
 
-_NOTES = {Scalar: "type", Size: "size", str: "description"}
-"""Type of a note in ``Annotated`` -> field of :class:`Kind`."""
-
-
 @cache
 def kind_of(annotation: Any) -> Kind:
     """Return the kind that an annotation describes."""
     inner = get_args(annotation)
     if get_origin(annotation) is Annotated:
-        return replace(kind_of(inner[0]), **{_NOTES[type(note)]: note for note in inner[1:]})
+        fields = {Scalar: "type", Size: "size", str: "description"}  # by the type of the note
+        return replace(kind_of(inner[0]), **{fields[type(note)]: note for note in inner[1:]})
     if NoneType in inner:
         return replace(kind_of(inner[0]), optional=True)
     if get_origin(annotation) is Literal:

@@ -16,8 +16,6 @@ from henon_ref.system.scene import KEYS
 _EXPRESSION = {"type": ["number", "string"]}
 _NAME = {"type": "string"}
 _TWO_NAMES = {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2}
-_PART = "Part"
-"""Suffix of the name of a form for its variant in a reading, in which every key is optional."""
 _Schema = dict[str, Any]
 
 
@@ -39,7 +37,7 @@ def case_schema() -> _Schema:
     }
     # With readings, a required key may be in every reading instead of at the top.
     whole["required"] = ["schema", "name", "title"]
-    forms |= {f"{name}{_PART}": _part_of(form) for name, form in forms.items()}
+    forms |= {f"{name}Part": _part_of(form) for name, form in forms.items()}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$defs": forms, **whole}
 
 
@@ -98,7 +96,8 @@ def _kind(kind: Kind, name: str, forms: dict[str, _Schema]) -> _Schema:
         found = {"type": "array", "items": _kind(kind_of(kind.inner[0]), name, forms)}
         found |= {f"{way}Items": size for way, size in sizes.items()}
     elif kind.type is Any:
-        found = {"anyOf": _BODIES if name == "bodies" else _CONNECTIONS}
+        bodies = [{"const": "fixed"}, *(_body(key, kind, unit) for key, (kind, unit) in KEYS.items())]
+        found = {"anyOf": bodies if name == "bodies" else [_connection(kind) for kind in KINDS]}
     elif kind.is_form:
         forms[_name(kind.type)] = _form(kind.type, forms)
         found = {"$ref": f"#/$defs/{_name(kind.type)}"}
@@ -144,10 +143,6 @@ def _of_connection(key: Key) -> _Schema:
     return _EXPRESSION | {"description": key.meaning + unit}
 
 
-_BODIES = [{"const": "fixed"}, *(_body(key, kind, unit) for key, (kind, unit) in KEYS.items())]
-_CONNECTIONS = [_connection(name) for name in KINDS]
-
-
 # -- readings -------------------------------------------------------------------------------------------
 
 
@@ -159,7 +154,7 @@ def _override(value: _Schema) -> _Schema:
 
 def _part(value: _Schema) -> _Schema:
     if "$ref" in value:
-        return {"$ref": value["$ref"] + _PART}
+        return {"$ref": f"{value['$ref']}Part"}
     return _part_of(value) if value.get("type") == "object" else value
 
 

@@ -26,7 +26,7 @@ from henon_ref.expressions.bounds import (
     terms,
     with_known_functions,
 )
-from henon_ref.expressions.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
+from henon_ref.expressions.grammar import CONSTANT_FUNCTIONS, EULER, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
 from henon_ref.expressions.operations import (
     CACHED,
     OPERATION,
@@ -52,10 +52,7 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     "abs": sp.Abs,
     "atan2": sp.atan2,
 }
-_NUMBERS: dict[str, sp.Expr] = dict(zip(CONSTANTS, (sp.pi, sp.E), strict=True))
 _HALF = sp.Rational(1, 2)
-# Exceptions of SymPy's own evaluation of unusual numbers (AttributeError: its cache, after a TypeError).
-_SYMPY_FAILS = (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError)
 
 
 def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
@@ -196,7 +193,8 @@ class Walk:
             return self._of(operation, 0)
         except (RecursionError, MemoryError):
             raise ExpressionError("nested too deeply", 0) from None
-        except _SYMPY_FAILS as error:
+        # SymPy's own evaluation of unusual numbers fails (AttributeError: its cache, after a TypeError).
+        except (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError) as error:
             raise ExpressionError(f"SymPy cannot evaluate this ({type(error).__name__})", 0) from None
 
     def _of(self, part: Operation, depth: int) -> sp.Expr:
@@ -207,7 +205,7 @@ class Walk:
                 return part.value
             case "name":
                 name = str(part.value)
-                return self.names[name] if name in self.names else _NUMBERS[name]
+                return self.names.get(name, sp.E if name == EULER else sp.pi)
             case "-":
                 return -self._of(part.arguments[0], depth + 1)
             case "/":

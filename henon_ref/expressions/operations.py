@@ -22,7 +22,6 @@ MAX_WORK = 1_000_000
 OPERATION, READ, CACHED = 20, 2, 3
 """Characters that an operation costs in addition to its own, that parsing costs for each character of a text, and
 that a cached text costs."""
-_NAME = re.compile(r"[^\W\d]\w*")
 _BINDING = {"+": 1, "-": 2, "*": 2, "/": 3, "^": 4}
 """Binding strength of an operation; an operand that binds less closely is put in parentheses."""
 
@@ -275,5 +274,5 @@ def overlaid(over: Mapping[str, sp.Expr], names: Mapping[str, sp.Expr]) -> Mappi
 def names_in(written: str | sp.Expr) -> list[str]:
     """Return the names that occur in a text or in a SymPy expression, each once."""
     if isinstance(written, str):
-        return list(dict.fromkeys(_NAME.findall(written)))
+        return list(dict.fromkeys(re.findall(r"[^\W\d]\w*", written)))
     return sorted({symbol.name for symbol in written.free_symbols})

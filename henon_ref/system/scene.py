@@ -18,7 +18,7 @@ from henon_ref.system.assembly import Body, BodyKind, Connection, Scene
 from henon_ref.system.connections import KINDS, Key, Kind, Link, Range
 from henon_ref.system.kinks import check_kinks, resolved
 from henon_ref.system.source import WITH_VALUES, Path, Source
-from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
+from henon_ref.system.tree import MappingNode, ScalarNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
@@ -86,8 +86,7 @@ class _Reader:
         owners = dict.fromkeys(self.states, "a state") | dict.fromkeys(self.values, "a parameter")
         owners |= {name: owners.get(name, "a body") for name in self.bodies}
         found = []
-        node = child(self.source.tree, CONNECTIONS)
-        for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
+        for number in range(self.source.length(CONNECTIONS)):
             link = self._link(number)
             self._claim(link, owners)
             ends, surfaces = tuple(body.name for body in link.ends), link.surfaces | link.shared
@@ -200,15 +199,15 @@ class _Reader:
 
     def _state_names(self, path: Path, kind: BodyKind) -> tuple[str, str]:
         """Return the state names that a body gives, or the default ones made of its own name."""
-        node = child(self.source.tree, (*path, "states"))
+        path = (*path, "states")
+        node = child(self.source.tree, path)
         if node is None:
             position, velocity = STATE_NAMES[kind]
-            return f"{position}_{path[-1]}", f"{velocity}_{path[-1]}"
-        names = [x.text for x in node.items if isinstance(x, ScalarNode)] if isinstance(node, SequenceNode) else []
-        if len(names) != 2 or not isinstance(node, SequenceNode) or len(node.items) != 2:
+            return f"{position}_{path[-2]}", f"{velocity}_{path[-2]}"
+        if self.source.length(path) != 2 or not all(isinstance(child(node, (i,)), ScalarNode) for i in range(2)):
             which = "angle and angular velocity" if kind == "rotor" else "position and velocity"
-            raise self.source.error((*path, "states"), f"'states' must be two names, as in [x1, x2]: {which}")
-        return names[0], names[1]
+            raise self.source.error(path, f"'states' must be two names, as in [x1, x2]: {which}")
+        return self.source.plain((*path, 0)), self.source.plain((*path, 1))
 
     # -- one connection ---------------------------------------------------------------------------------
 
@@ -255,8 +254,7 @@ class _Reader:
         return node.text
 
     def _body(self, path: Path) -> Body:
-        node = child(self.source.tree, path)
-        name = node.text if isinstance(node, ScalarNode) else ""
+        name = self.source.plain(path)
         if name not in self.bodies:
             message = f"unknown body '{name}'{did_you_mean(name, self.bodies)}; bodies: {listed(self.bodies)}"
             raise self.source.error(path, message)
@@ -272,8 +270,7 @@ class _Reader:
 
     def _between(self, path: Path, name: str) -> tuple[Body, ...]:
         path = (*path, "between")
-        node = child(self.source.tree, path)
-        if not isinstance(node, SequenceNode) or len(node.items) != 2:
+        if self.source.length(path) != 2:
             raise self.source.error(path, "'between' must name two bodies, as in [a, wall]")
         p, q = (self._body((*path, i)) for i in range(2))
         if p is q:
@@ -298,8 +295,7 @@ class _Reader:
                 raise link.error(f"{link.kind} requires the key {what}{_choice(key.words)}")
             return
         if key.words:
-            node = child(self.source.tree, path)
-            word = node.text if isinstance(node, ScalarNode) else ""
+            word = self.source.plain(path)
             if word not in key.words:
                 message = f"unknown {key.name} '{word}'{did_you_mean(word, key.words)}{_choice(key.words)}"
                 raise self.source.error(path, message)

@@ -65,6 +65,11 @@ class Source:
         # In an expression, a number is decimal; hexadecimal and octal numbers of YAML are converted.
         return str(node.value) if isinstance(node.value, int) and node.text[:2] in ("0x", "0o") else node.text
 
+    def plain(self, path: Path) -> str:
+        """Return the text of a scalar; empty if there is none."""
+        node = child(self.tree, path)
+        return node.text if isinstance(node, ScalarNode) else ""
+
     def keys(self, path: Path) -> list[str]:
         """Return the keys of a mapping; empty if there is no mapping."""
         node = child(self.tree, path)
@@ -82,8 +87,7 @@ class Source:
 
     def word(self, path: Path, default: str) -> str:
         """Return the text of a scalar, or a default if it is absent."""
-        node = child(self.tree, path)
-        return default if node is None else self.text(path)
+        return default if child(self.tree, path) is None else self.text(path)
 
     def written(self, path: Path) -> Written:
         """Return an expression as given: text, or SymPy."""

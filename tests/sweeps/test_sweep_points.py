@@ -71,7 +71,7 @@ def test_what_is_no_table_is_refused(given: object) -> None:
 
 @pytest.mark.parametrize("given", [np.ones((2, 2)), pd.Series({"x": 1.0}), [1.0], 3, None])
 def test_what_has_no_columns_by_name_is_no_table(given: object) -> None:
-    with pytest.raises(ArgumentError, match="^a table is a .*; wanted a data frame, columns by name, or a file"):
+    with pytest.raises(ArgumentError, match=r"^a table is a .*; wanted a data frame, columns by name, or a file"):
         table(given)
 
 
