@@ -20,10 +20,10 @@ LONGEST_REASON = 500
 _LITERAL = "'"
 """Prefix by which a spreadsheet takes a cell as text."""
 # Text that markdown turns into links, and code; neither may contain characters that end it or begin a tag.
-_ADDRESS = (
-    r"(?:[A-Za-z][A-Za-z0-9+.-]{0,20}://|(?i:www\.|mailto:|xmpp:))[^\s`<>&|]*|[^\s`<>&|@]{1,64}@[^\s`<>&|@]{1,255}"
+_KEPT = re.compile(
+    r"(?P<code>`[^`<>&|]+`)|(?P<address>(?:[A-Za-z][A-Za-z0-9+.-]{0,20}://|(?i:www\.|mailto:|xmpp:))[^\s`<>&|]*"
+    r"|[^\s`<>&|@]{1,64}@[^\s`<>&|@]{1,255})"
 )
-_KEPT = re.compile(rf"(?P<code>`[^`<>&|]+`)|(?P<address>{_ADDRESS})")
 
 
 def printable(text: str) -> str:

@@ -40,7 +40,6 @@ class Form:
     @classmethod
     @cache
     def keys(cls) -> dict[str, Kind]:
-        """Return the keys and the kinds of their values."""
         hints = get_type_hints(cls, include_extras=True)
         own = (name for name in hints if name not in Form.__annotations__)
         return {name: replace(kind_of(hints[name]), default=getattr(cls, name, MISSING)) for name in own}
@@ -85,7 +84,6 @@ class Kind:
 
 @cache
 def kind_of(annotation: Any) -> Kind:
-    """Return the kind that an annotation describes."""
     inner = get_args(annotation)
     if get_origin(annotation) is Annotated:
         fields = {Scalar: "type", Size: "size", str: "description"}  # by the type of the note

@@ -20,12 +20,10 @@ _Schema = dict[str, Any]
 
 
 def schema_text() -> str:
-    """Return the text of ``cases/case.schema.json``."""
     return json.dumps(case_schema(), indent=1) + "\n"
 
 
 def case_schema() -> _Schema:
-    """Return the JSON Schema of a case file."""
     forms: dict[str, _Schema] = {}
     whole, forms = _ordered(_form(CaseForm, forms)), _ordered(forms)
     overrides = {key: _override(value) for key, value in whole["properties"].items() if key in READING_KEYS}
@@ -53,7 +51,6 @@ def _ordered(value: Any, key: str = "") -> Any:
 
 
 def _form(form: type[Form], forms: dict[str, _Schema]) -> _Schema:
-    """Return the schema of a form; schemas of the forms inside are added to ``forms``."""
     found: _Schema = {"title": _name(form), "type": "object", "additionalProperties": False, "properties": {}}
     if form.__doc__:
         found["description"] = form.__doc__
@@ -115,7 +112,6 @@ def _mapping(properties: _Schema, required: list[str]) -> _Schema:
 
 
 def _body(key: str, kind: str, unit: str) -> _Schema:
-    """Return the schema of a body that is defined by ``key``."""
     properties: _Schema = {key: _EXPRESSION | {"description": f"[{unit}]"}}
     if kind in ("mass", "rotor"):
         properties["states"] = _TWO_NAMES | {"description": "names of its states, position or angle first"}
@@ -123,7 +119,6 @@ def _body(key: str, kind: str, unit: str) -> _Schema:
 
 
 def _connection(name: str) -> _Schema:
-    """Return the schema of a kind of connection under its name."""
     kind = KINDS[name]
     properties: _Schema = (
         {"on": _NAME | {"description": "the body"}}

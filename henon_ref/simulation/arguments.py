@@ -15,7 +15,6 @@ from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
 from henon_ref.system.python_values import argument_error, mapping_of, tree_of, written, written_name
-from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode, Node, mapping
 from henon_ref.text import listed, shortened
 
@@ -70,7 +69,7 @@ def problem_of(
     entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
     entries: dict[str, Node] = {"t": tree_of(written(start, "'start'"), "'start'"), **given.entries, "mode": entry}
     read = {"initial": mapping(entries), "until": tree_of(written(until, "'until'"), "'until'")}
-    source = Source(mapping({**system.tree.entries, **read}), work=system.work())
+    source = system.with_keys(read)
     try:
         with one_at_a_time():
             check_form(source.tree)

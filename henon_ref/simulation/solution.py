@@ -97,7 +97,6 @@ class Solution(Outcome):
 
     @property
     def _changes(self) -> NDArray[Any]:
-        """Records of the transitions."""
         return self._transitions.records
 
     @cached_property
@@ -314,7 +313,6 @@ class Solution(Outcome):
         return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
 
     def motion_at(self, times: ArrayLike) -> Motion:
-        """Return states and modes at given times, for drawing."""
         if self.sol is None:
             raise ArgumentError(f"a motion {_NO_DENSE}")
         from henon_ref.figures.motion import Motion

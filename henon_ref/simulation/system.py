@@ -6,21 +6,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy as sp
 
 from henon_ref.casefile.schema import check_form
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.expressions.evaluation import parse_expression, parse_number
-from henon_ref.expressions.operations import Work
 from henon_ref.modes.preparation import parameters_in_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.calls import explained
 from henon_ref.system.problem import MODEL_KEYS, build_system, written_system
 from henon_ref.system.python_values import (
     Number,
-    OwnStart,
     argument_error,
     as_given,
     mapping_of,
@@ -30,9 +28,18 @@ from henon_ref.system.python_values import (
     written_name,
 )
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, ScalarNode, child, mapping, merged
+from henon_ref.system.tree import MappingNode, Node, ScalarNode, child, mapping, merged
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
+
+
+class OwnStart(NamedTuple):
+    """Start and horizon of a case's reading, as written in the file."""
+
+    initial: dict[str, str]
+    start: str
+    until: str
+    mode: dict[str, int]
 
 
 class System:
@@ -158,7 +165,9 @@ class System:
         self = cls.__new__(cls)
         self._read(source, declared)
         if "until" in source.tree.entries:
-            self.own_start = OwnStart.of(source, self.state)
+            initial = {x: source.text(("initial", x)) for x in self.state}
+            mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
+            self.own_start = OwnStart(initial, source.word(("initial", "t"), "0"), source.text(("until",)), mode)
         return self
 
     def _read(self, source: Source, declared: Sequence[str] = ()) -> None:
@@ -267,11 +276,11 @@ class System:
         except ExpressionError as error:
             raise ArgumentError(f"{what}: {error.message}") from None
 
-    def work(self) -> Work:
-        """Work record that holds this system as already built, for reading more keys of its tree."""
-        work = Work()
-        Source(self.tree, work=work).once("system", MODEL_KEYS, lambda: self.model)
-        return work
+    def with_keys(self, more: Mapping[str, Node]) -> Source:
+        """Return the description with more keys of a case, such as ``until``; its system is not built again."""
+        source = Source(mapping({**self.tree.entries, **more}))
+        source.once("system", MODEL_KEYS, lambda: self.model)
+        return source
 
     @cached_property
     def conditions(self) -> list[sp.Expr]:

@@ -117,7 +117,6 @@ class Scene:
         return found
 
     def _force(self, body: Body, without: int | None = None) -> sp.Expr:
-        """Return the sum of the forces or torques on a body, optionally without those of one connection."""
         return sp.Add(*(push for number, push in self._pushes[body.name] if number != without))
 
     def _field(self, on_surface: Mapping[sp.Symbol, sp.Expr], held: Mapping[str, sp.Expr]) -> tuple[sp.Expr, ...]:

@@ -122,7 +122,6 @@ def _system(source: Source) -> FilippovSystem:
 
 
 def _surface_of(source: Source, names: Names, name: str) -> Kinked:
-    """Return a surface and the arguments of its kinks."""
     path: Path = ("system", "surfaces", name)
     found = names.written(source, path)
     if not found[0].free_symbols & {TIME, *names.states.values()}:
@@ -155,7 +154,6 @@ def _plain_surface(source: Source, names: Names, path: tuple[str, str], what: st
 
 
 def _resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, Reset]:
-    """Return the jumps of the state, by the index of their surface."""
     resets = {}
     for sign in source.keys(("resets",)):
         path = ("resets", sign)

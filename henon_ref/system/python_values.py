@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Integral, Rational, Real
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -31,22 +31,6 @@ DEEPEST = 8
 Number = int | Fraction | Any
 """Exact number: integer, rational, or a SymPy number such as ``sqrt(3)/9``."""
 _OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
-
-
-class OwnStart(NamedTuple):
-    """Start and horizon of a case's reading, as written in the file."""
-
-    initial: dict[str, str]
-    start: str
-    until: str
-    mode: dict[str, int]
-
-    @classmethod
-    def of(cls, source: Source, states: Sequence[str]) -> OwnStart:
-        """Start and horizon of a reading."""
-        start = source.word(("initial", "t"), "0")
-        mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
-        return cls({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
 
 
 def written_name(value: object, what: str) -> str:
@@ -166,7 +150,6 @@ def source_of(tree: MappingNode) -> Source:
 
 
 def _shown(value: object) -> str:
-    """Return the beginning of a value's repr."""
     try:
         return shortened(repr(value))[1:-1]
     except Exception:  # noqa: BLE001 - a foreign __repr__ may raise anything

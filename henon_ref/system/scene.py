@@ -39,7 +39,6 @@ _KINK = "a kink"
 
 
 def build_scene(source: Source) -> Scene:
-    """Build the scene of a case file."""
     return _read(source)[1]
 
 
@@ -101,7 +100,6 @@ class _Reader:
             raise self.source.error(("scene", key), message, key=True)
 
     def _claim(self, link: Link, owners: dict[str, str]) -> None:
-        """Claim the names of the connection, which must be unique."""
         kinks = {sign.name for sign in self.kinks.surfaces}
         for name in dict.fromkeys([*([link.name] if link.name else []), *(sign.name for sign in link.surfaces)]):
             if name in kinks and owners.get(name) == _KINK:
@@ -159,7 +157,6 @@ class _Reader:
         return bodies
 
     def _body_of(self, path: Path) -> Body:
-        """Read one body."""
         name, source = str(path[-1]), self.source
         node = child(source.tree, path)
         if isinstance(node, ScalarNode) and node.value == "fixed":

@@ -163,11 +163,9 @@ class Names:
 
     @classmethod
     def of(cls, states: Sequence[str], signs: Sequence[str], values: Mapping[str, sp.Expr]) -> Names:
-        """Create a real symbol for each name."""
         return cls(_symbols(states), _symbols(signs), _symbols(list(values)), values)
 
     def exact_parameters(self) -> dict[sp.Symbol, sp.Expr]:
-        """Return parameter symbol -> exact value."""
         return {symbol: self.values[name] for name, symbol in self.parameters.items()}
 
     def smooth(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> sp.Expr:
