@@ -211,13 +211,13 @@ class Walk:
             case "/":
                 return power(self._of(part.arguments[0], depth + 1), sp.S.NegativeOne, part.offset)
         key = key_of(f"value{'+' if self.kinked else ''}", part, self.names)
-        if key not in self.work.values:
+        if key not in self.work.known:
             self.work.charge(OPERATION + part.length, part.offset)
             value = self._operation(part, depth)
             if value.is_number and not value.is_Rational:  # its digits have been computed
                 self.work.charge(2 * (OPERATION + part.length), part.offset)
-            self.work.values[key] = value
-        return self.work.values[key]
+            self.work.known[key] = value
+        return self.work.known[key]
 
     def _operation(self, part: Operation, depth: int) -> sp.Expr:
         if self.kinked and part.kind == "call" and part.value in KINK_FUNCTIONS:

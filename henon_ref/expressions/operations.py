@@ -241,12 +241,8 @@ class Work:
     done: int = 0
     files: int = 1
     """Number of files whose work is allowed: a system from Python may be larger than one of a file."""
-    values: dict[Hashable, sp.Expr] = field(default_factory=dict)
-    """Cache of the values of expressions and their parts, by their operations and the meanings of their names."""
     known: dict[Hashable, Any] = field(default_factory=dict)
-    """Cache of operations of texts and of SymPy, of kinks, and of checks made."""
-    built: dict[Hashable, tuple[object, Any]] = field(default_factory=dict)
-    """Cache of what is built from parts of the file, by these parts; they are kept alive with it."""
+    """Cache of operations, of the values of expressions and their parts, of checks made, and of what is built."""
 
     def charge(self, characters: int, offset: int) -> None:
         """Charge work before it is done; raises ExpressionError if it exceeds the limit."""

@@ -108,10 +108,10 @@ class Source:
     def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
         """Return what ``build`` returns for the values of some top-level keys, cached for equal readings."""
         nodes = tuple(self.tree.entries.get(key) for key in keys)
-        known = (what, *map(id, nodes))
-        if known not in self.work.built:
-            self.work.built[known] = nodes, build()  # keep the nodes alive: their ids are part of the key
-        found: T = self.work.built[known][1]
+        key, known = (what, *map(id, nodes)), self.work.known
+        if key not in known:
+            known[key] = nodes, build()  # keep the nodes alive: their ids are part of the key
+        found: T = known[key][1]
         return found
 
     @contextmanager

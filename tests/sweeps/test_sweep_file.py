@@ -12,6 +12,7 @@ from henon_ref.errors import CaseError
 from henon_ref.sweeps import observe
 from henon_ref.sweeps.sweep import sweep
 from henon_ref.sweeps.sweep_file import load_sweep
+from henon_ref.system import problem
 
 
 def written(folder: Path, text: str) -> Path:
@@ -35,6 +36,15 @@ def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
         jobs=1,
     )
     assert_same(collected(plan), table)
+
+
+def test_its_system_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    for name in ("_written_system", "with_rational_exponents"):
+        build = getattr(problem, name)
+        monkeypatch.setattr(problem, name, lambda given, name=name, build=build: built.append(name) or build(given))
+    load_sweep(written(tmp_path, SWEEP))
+    assert sorted(built) == ["_written_system", "with_rational_exponents"]
 
 
 POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]
