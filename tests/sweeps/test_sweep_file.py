@@ -9,10 +9,9 @@ import pytest
 from sweep_systems import SWEEP, assert_same, belt, collected
 
 from henon_ref.errors import CaseError
-from henon_ref.sweeps import observe
+from henon_ref.sweeps import observe, sweep_file
 from henon_ref.sweeps.sweep import sweep
 from henon_ref.sweeps.sweep_file import load_sweep
-from henon_ref.system import problem
 
 
 def written(folder: Path, text: str) -> Path:
@@ -39,12 +38,9 @@ def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
 
 
 def test_its_system_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    built = []
-    for name in ("_written_system", "with_rational_exponents"):
-        build = getattr(problem, name)
-        monkeypatch.setattr(problem, name, lambda given, name=name, build=build: built.append(name) or build(given))
-    load_sweep(written(tmp_path, SWEEP))
-    assert sorted(built) == ["_written_system", "with_rational_exponents"]
+    built, build = [], sweep_file.build_problem
+    monkeypatch.setattr(sweep_file, "build_problem", lambda source: built.append(build(source)) or built[0])
+    assert load_sweep(written(tmp_path, SWEEP)).work.system.model is built[0].system
 
 
 POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]
