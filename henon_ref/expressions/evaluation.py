@@ -52,7 +52,6 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     "abs": sp.Abs,
     "atan2": sp.atan2,
 }
-_HALF = sp.Rational(1, 2)
 
 
 def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
@@ -260,7 +259,7 @@ class Walk:
         if name not in _SYMPY or len(arguments) != CONSTANT_FUNCTIONS.get(name, 1):
             raise ExpressionError(f"{name!r} is not a function of {len(arguments)} arguments", offset)
         if name == "sqrt":
-            return self._power(arguments[0], _HALF, offset)
+            return self._power(arguments[0], sp.S.Half, offset)
         if name == "exp":
             check_exponential(arguments[0], offset)
         if arguments[0].is_number:
@@ -276,7 +275,7 @@ class Walk:
 
                 found += compared(str(part.value), [self._argument(a, 0) for a in part.arguments])
             elif part.kind == "^" or part.value == "sqrt":
-                base, exponent = (*(self._of(a, 0) for a in part.arguments), _HALF)[:2]
+                base, exponent = (*(self._of(a, 0) for a in part.arguments), sp.S.Half)[:2]
                 roots = sp.Pow(base, exponent).atoms(sp.Abs)  # SymPy simplifies sqrt(u**2) to Abs(u)
                 found += [root.args[0] for root in sorted(roots, key=sp.default_sort_key)]
         return found

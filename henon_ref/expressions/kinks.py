@@ -19,8 +19,6 @@ from henon_ref.expressions.bounds import exact_sign, shown, terms
 
 MAX_INNER = 4
 """Largest number of kinks in the argument of another kink: each doubles the number of branches."""
-MAX_TERMS = 1_000
-"""Largest number of terms, multiplied out, of a difference that is tested for zero."""
 
 
 class Sgn(sp.Function):
@@ -174,7 +172,8 @@ def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], 
         return
     here = {surface.args[0]: sp.S.Zero, surface: sp.S.Zero}
     apart = [(own - side).xreplace(here) for side in (above, below, (above + below) / 2)]
-    if all(difference != 0 and (terms(difference) > MAX_TERMS or sp.expand(difference) != 0) for difference in apart):
+    # A difference of more terms is not multiplied out, and taken as not zero.
+    if all(difference != 0 and (terms(difference) > 1_000 or sp.expand(difference) != 0) for difference in apart):
         value = "a value of its own" if own.has(Sgn) else shown(own)
         raise ExpressionError(
             f"where {shown(surface.args[0])} is 0, this expression is {value}, the value of neither side; on a surface "

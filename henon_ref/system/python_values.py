@@ -30,7 +30,6 @@ DEEPEST = 8
 """Largest nesting depth of lists and mappings."""
 Number = int | Fraction | Any
 """Exact number: integer, rational, or a SymPy number such as ``sqrt(3)/9``."""
-_OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
 
 
 def written_name(value: object, what: str) -> str:
@@ -52,17 +51,16 @@ def written(value: object, what: str) -> str:
         return str(value)
     if isinstance(value, sp.Expr):
         return spelled_out(value)
-    if isinstance(value, bool):
-        raise ArgumentError(f"{what} is {value}; {_OTHER}")
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal):
+        wanted = "wanted a number (int, float, Fraction), text or a SymPy expression"
+        raise ArgumentError(f"{what} is {_shown(value)}; {wanted}")
     if isinstance(value, Rational):
         if max(int(value.numerator).bit_length(), int(value.denominator).bit_length()) > LONGEST_WHOLE:
             raise ArgumentError(f"{what} is a number of more than {MAX_DIGITS} digits")
         return str(int(value)) if isinstance(value, Integral) else f"{value.numerator}/{value.denominator}"
-    if isinstance(value, Real | Decimal):
-        if not math.isfinite(value):
-            raise ArgumentError(f"{what} is {value}; a number must be finite")
-        return str(value) if isinstance(value, Decimal) else float.__repr__(float(value))
-    raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
+    if not math.isfinite(value):
+        raise ArgumentError(f"{what} is {value}; a number must be finite")
+    return str(value) if isinstance(value, Decimal) else float.__repr__(float(value))
 
 
 def as_given(value: object, what: str) -> Written:
