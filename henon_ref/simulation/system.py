@@ -16,7 +16,7 @@ from henon_ref.expressions.evaluation import parse_expression, parse_number
 from henon_ref.modes.preparation import parameters_in_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.calls import explained
-from henon_ref.system.problem import MODEL_KEYS, build_system, written_system
+from henon_ref.system.problem import MODEL_KEYS, build_system, read_scene, written_system
 from henon_ref.system.python_values import (
     Number,
     argument_error,
@@ -283,13 +283,10 @@ class System:
         return source
 
     @cached_property
-    def conditions(self) -> list[sp.Expr]:
+    def conditions(self) -> tuple[sp.Expr, ...]:
         """Expressions in the parameters that the scene requires to be > 0."""
-        if not Source(self.tree).has_scene:
-            return []
-        from henon_ref.system.scene import conditions
-
-        return conditions(Source(self.tree))
+        source = Source(self.tree)
+        return read_scene(source).conditions if source.has_scene else ()
 
     @cached_property
     def parameter_expressions(self) -> dict[str, sp.Expr]:

@@ -73,6 +73,8 @@ class Scene:
     bodies: Mapping[str, Body]
     connections: tuple[Connection, ...]
     parameters: Mapping[sp.Symbol, sp.Expr]
+    conditions: tuple[sp.Expr, ...]
+    """Expressions in the parameters; other values of the parameters are allowed if they make all of these positive."""
 
     def without(self, numbers: Collection[int]) -> Scene:
         """Return the scene without the connections of the given indices."""

@@ -39,16 +39,6 @@ _KINK = "a kink"
 
 
 def build_scene(source: Source) -> Scene:
-    return _read(source)[1]
-
-
-def conditions(source: Source) -> list[sp.Expr]:
-    """Return expressions in the parameters of a scene; parameter values that make all of them positive are allowed."""
-    reader, _ = _read(source)
-    return [*reader.wanted, *reader.kinks.conditions]
-
-
-def _read(source: Source) -> tuple[_Reader, Scene]:
     """Read a scene; once more with its surfaces known if a kink equals the surface of a later connection."""
     reader = _Reader(source)
     found = reader.scene()
@@ -58,7 +48,7 @@ def _read(source: Source) -> tuple[_Reader, Scene]:
         for sign, surface in declared.items():
             reader.kinks.declare(sign, surface)
         found = reader.scene()
-    return reader, found
+    return found
 
 
 class _Reader:
@@ -92,7 +82,7 @@ class _Reader:
             kinks = self.kinks.surfaces.keys() & surfaces.keys()
             found.append(Connection(link.kind, ends, link.name, link.pushes, surfaces, kinks, link.holds, link.impacts))
         self._check_size("connections", "surfaces", len({sign for each in found for sign in each.surfaces}))
-        return Scene(self.bodies, tuple(found), self.kinks.parameters)
+        return Scene(self.bodies, tuple(found), self.kinks.parameters, (*self.wanted, *self.kinks.conditions))
 
     def _check_size(self, key: str, what: str, number: int) -> None:
         if number > MAX_STATES:

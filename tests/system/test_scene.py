@@ -15,7 +15,7 @@ from henon_ref.modes.switched_field import Release
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system import connections
 from henon_ref.system.connections import KINDS
-from henon_ref.system.scene import build_scene, conditions
+from henon_ref.system.scene import build_scene
 from henon_ref.system.source import Source
 from henon_ref.taylor.tape import TIME, build_tape
 
@@ -330,4 +330,4 @@ def test_what_a_scene_wants_of_its_parameters() -> None:
         "scene: {parameters: {m: 1, F: 1, G: 2}, bodies: {a: {mass: m}, wall: fixed}, "
         "connections: [friction: {between: [a, wall], law: coulomb, force: F, static: G}]}"
     )
-    assert conditions(Source(tree)) == [m, F, G, G - F]
+    assert build_scene(Source(tree)).conditions == (m, F, G, G - F)
