@@ -223,8 +223,8 @@ def reading_sources(whole: Source) -> dict[str, Source]:
             raise whole.error(path, message)
         for key in overrides.entries:
             if key not in READING_KEYS:
-                message = f"a reading cannot change the key '{key}'{did_you_mean(key, READING_KEYS)}"
-                raise whole.error((*path, key), f"{message}; allowed: {listed(sorted(READING_KEYS))}", key=True)
+                message = f"a reading cannot change the key '{key}'"
+                raise whole.unknown((*path, key), message, "allowed", sorted(READING_KEYS))
         source = Source(merged(base, overrides), file, f" [reading '{name}']", whole.work)
         size += source.tree.size
         if size > MAX_WRITTEN_OUT:

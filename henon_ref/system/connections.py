@@ -134,6 +134,11 @@ class Kind:
     between_given: bool = False
     """Whether it may connect two bodies of prescribed motion, on which it has no effect, but a mode."""
 
+    @property
+    def example(self) -> str:
+        """Its key for bodies, in a message."""
+        return "on: a" if self.on else "between: [a, wall]"
+
 
 # -- springs, dampers, forces: Modelica's Spring, Damper, Force, Torque ---------------------------------
 

@@ -210,8 +210,7 @@ class _Reader:
         kind = KINDS[name]
         own = child(self.source.tree, path)
         if not isinstance(own, MappingNode):
-            example = "on: a" if kind.on else "between: [a, wall]"
-            raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{example}, ...}}")
+            raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{kind.example}, ...}}")
         self._check_keys(path, kind, own)
         ends = self._on(path, name, kind) if kind.on else self._between(path, name)
         link = Link(name, ends, self.source, path, self._name(path, own), self.kinks)
@@ -226,11 +225,9 @@ class _Reader:
         known = ["on" if kind.on else "between", *(key.name for key in kind.keys), "name"]
         for key in own.entries:
             if key not in known:
-                message = f"'{path[-1]}' has no key '{key}'{did_you_mean(key, known)}; allowed: {listed(known)}"
-                raise self.source.error((*path, key), message, key=True)
+                raise self.source.unknown((*path, key), f"'{path[-1]}' has no key '{key}'", "allowed", known)
         if known[0] not in own.entries:
-            example = "on: a" if kind.on else "between: [a, wall]"
-            raise self.source.error(path, f"'{path[-1]}' requires '{known[0]}', as in {example}", key=True)
+            raise self.source.error(path, f"'{path[-1]}' requires '{known[0]}', as in {kind.example}", key=True)
 
     def _name(self, path: Path, own: MappingNode) -> str | None:
         node = own.entries.get("name")
