@@ -151,11 +151,7 @@ def check_sides(
     if not signs:
         return
     names = overlaid(signs, names)
-    operation = read(written, names, work, functions)
-    key = key_of("sides", operation, names)
-    if key in work.known:
-        return
-    found = _delicate(operation, signs)
+    found = _delicate(read(written, names, work, functions), signs)
     harmless = set(signs).difference(*(held for _, held in found))
     for side in (-1, 1):
         sides = overlaid(dict.fromkeys(harmless, sp.Integer(side)), names)
@@ -167,7 +163,6 @@ def check_sides(
                     Walk(overlaid({name: sp.Integer(side)}, names), work, kinked=functions is FIELD).value(part)
                 except ExpressionError as error:
                     raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
-    work.known[key] = None
 
 
 def _delicate(operation: Operation, signs: Collection[str]) -> list[tuple[Operation, list[str]]]:
