@@ -97,7 +97,7 @@ class SwitchedField:
     def state_names(self) -> tuple[str, ...]:
         return tuple(symbol.name for symbol in self.states)
 
-    @property
+    @cached_property
     def parameter_values(self) -> dict[str, sp.Expr]:
         """Parameter name -> its exact number."""
         return {symbol.name: value for symbol, value in self.parameters.items()}

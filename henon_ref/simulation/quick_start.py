@@ -201,7 +201,7 @@ class QuickStart:
         """Return the exact values of all parameters: changed ones as printed decimal numbers, and their dependents."""
         numbers, changes = _numbers(names, given), self._changes(names)
         assert changes is not None
-        known = self._system.model.parameter_values
+        known = {**self._system.model.parameter_values}
         known |= {name: exact_expression(value) for name, value in numbers.items()}
         known |= {name: own.exact(numbers) for name, own in changes[0].items()}
         return [known[symbol.name] for symbol in self.integrator.programs.parameters]
