@@ -157,10 +157,7 @@ def _after_an_event(problem: Problem, pattern: Sequence[Transition]) -> Guess:
 
 
 def _depends_on_time(model: FilippovSystem) -> bool:
-    expressions = [*model.field, *model.surfaces, *(f for o in model.overrides.values() for f in o.field)]
-    expressions += [r.when for o in model.overrides.values() for r in o.release]
-    expressions += [value for reset in model.resets.values() for value in reset.map.values()]
-    return any(e.has(TIME) for e in expressions)
+    return any(e.has(TIME) for e in model.expressions)
 
 
 class Period(NamedTuple):

@@ -11,10 +11,9 @@ from threading import Lock
 from typing import Any
 
 from henon_ref.errors import ArgumentError, ModelError
-from henon_ref.integrator.integrator import Integrator, local_error, order_for
+from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT, Integrator, Start, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
-from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import problem_of, start_of, stop_of, tolerance_of, whole_number
@@ -114,11 +113,7 @@ def ended(trajectory: Trajectory, begin: Start, system: System, stop: Mapping[An
         if (last.time, last.time_low) != begin.until and last.time == trajectory.end_time:
             name = system.model.sign_names[last.surface]
             trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
-    if system.model.kinks:
-        from henon_ref.modes.kinks import HiddenKinks
-
-        trajectory = shown(trajectory, HiddenKinks(system.model))
-    return trajectory
+    return shown(trajectory, system.model if system.model.kinks else None)
 
 
 class Outcome:
