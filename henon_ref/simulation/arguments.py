@@ -78,10 +78,10 @@ def problem_of(
         raise argument_error(error) from None
 
 
-def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:
+def _mapping(value: object, what: str, kind: str, known: tuple[str, ...], entry: object = 0) -> MappingNode:
     """Return a mapping as a tree node; ArgumentError if a name is not known."""
     others = ", or an array with a value for each state" if kind == "state" else ""
-    return mapping_of(value, what, kind, known, f"{{{known[0] if known else 's'!r}: 0}}{others}")
+    return mapping_of(value, what, kind, known, f"{{{known[0] if known else 's'!r}: {entry!r}}}{others}")
 
 
 def tolerance_of(value: Any) -> float:
@@ -106,7 +106,7 @@ def whole_number(value: Any, what: str, least: int = 1, most: int | None = None)
 def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
     """Return the surfaces that end a run, as bit masks by index: those reached from above, and from below."""
     names = system.model.sign_names
-    _mapping(stop, "'stop'", "surface", names)
+    _mapping(stop, "'stop'", "surface", names, "falling")
     bits = {"falling": 0, "rising": 0}
     for name, direction in stop.items():
         index = names.index(written_name(name, "'stop'"))

@@ -70,7 +70,7 @@ def launch(
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     quick: QuickStart | None = system.prepared.get(tolerance)
     begin = None if quick is None else quick(initial, until, start, parameters, mode)
-    stopping = stop_of(system, stop) if stop is not None else (0, 0)
+    stopping = (0, 0) if stop is None else stop_of(system, stop)
     if begin is not None and quick is not None:
         integrator = quick.integrator
     else:  # errors are reported before anything is compiled

@@ -54,7 +54,8 @@ def simulate(
     dense_output : bool
         Keep the polynomials of the steps; memory grows with the number of steps.
     stop : mapping, optional
-        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero.
+        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero. A graze
+        does not end it.
     max_steps : int
         Number of steps after which the run ends with status ``failed``.
 

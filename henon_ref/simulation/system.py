@@ -238,6 +238,9 @@ class System:
         given = mapping_of(parameters, "'parameters'", "parameter", self.model.parameter_values)
         if not given.entries:
             return self
+        for name, value in given.entries.items():
+            if isinstance(value, ScalarNode) and value.value is None:  # null would remove it
+                raise ArgumentError(f"'{name}' in 'parameters' is None; wanted a number or an expression (text)")
         key = "system" if "system" in self.tree.entries else "scene"
         other = System.from_source(source_of(merged(self.tree, mapping({key: mapping({"parameters": given})}))))
         other.own_start = self.own_start
