@@ -17,17 +17,13 @@ LONGEST_LINE = 2000
 ELLIPSIS = " ... "
 LONGEST_REASON = 500
 """Largest number of characters of a message of a solver or library in a file of results."""
-_FORMULA = tuple("=+-@\t\r\n＝＋－＠")
-"""First characters of a spreadsheet formula."""
 _LITERAL = "'"
 """Prefix by which a spreadsheet takes a cell as text."""
 # Text that markdown turns into links, and code; neither may contain characters that end it or begin a tag.
-_ADDRESS = (
-    r"(?:[A-Za-z][A-Za-z0-9+.-]{0,20}://|(?i:www\.|mailto:|xmpp:))[^\s`<>&|]*|[^\s`<>&|@]{1,64}@[^\s`<>&|@]{1,255}"
+_KEPT = re.compile(
+    r"(?P<code>`[^`<>&|]+`)|(?P<address>(?:[A-Za-z][A-Za-z0-9+.-]{0,20}://|(?i:www\.|mailto:|xmpp:))[^\s`<>&|]*"
+    r"|[^\s`<>&|@]{1,64}@[^\s`<>&|@]{1,255})"
 )
-_KEPT = re.compile(rf"(?P<code>`[^`<>&|]+`)|(?P<address>{_ADDRESS})")
-_ENTITIES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;"})
-_LINK = re.compile(r"https?://[A-Za-z0-9.-]+(?:[:/?#][A-Za-z0-9._~:/?#@!&'()+,;=%-]*)?")
 
 
 def printable(text: str) -> str:
@@ -102,7 +98,7 @@ def markdown(text: str) -> str:
 def _escaped(text: str) -> str:
     """Escape marks of markdown (an underscore within a word is no mark) by a backslash, those of HTML as entities."""
     marked = re.sub(r"[\\`*\[\]~$]|(?<=\])\(|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])", r"\\\g<0>", text)
-    return marked.translate(_ENTITIES)
+    return escape(marked, quote=False)
 
 
 def _first_escaped(found: re.Match[str]) -> str:
@@ -147,7 +143,8 @@ def link(address: str) -> str:
     >>> link("https://doi.org/10.1/x(1)"), link("javascript:alert(1)"), link("http://a/![x](y)")
     ('https://doi.org/10.1/x(1)', 'javascript:alert(1)', '`http://a/![x](y)`')
     """
-    return address if _LINK.fullmatch(address) else markdown(address)
+    plain = r"https?://[A-Za-z0-9.-]+(?:[:/?#][A-Za-z0-9._~:/?#@!&'()+,;=%-]*)?"
+    return address if re.fullmatch(plain, address) else markdown(address)
 
 
 def cell(text: str) -> str:
@@ -159,7 +156,8 @@ def cell(text: str) -> str:
     ("'=1+1", "'-x", '-1', 's=-1')
     """
     line = printable(text)
-    return _LITERAL + line if line.lstrip(f" {_LITERAL}").startswith(_FORMULA) and not _is_number(line) else line
+    is_formula = line.lstrip(f" {_LITERAL}").startswith(tuple("=+-@\t\r\n＝＋－＠"))
+    return _LITERAL + line if is_formula and not _is_number(line) else line
 
 
 def from_cell(text: str) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -40,7 +40,7 @@ from henon_ref.system.assembly import Scene
 from henon_ref.system.problem import build_problem, read_scene
 from henon_ref.system.source import Path as KeyPath
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, ScalarNode, merged, words
+from henon_ref.system.tree import MappingNode, ScalarNode, mapping, merged, words
 from henon_ref.text import did_you_mean, listed, message
 
 DEFAULT_READING = "default"
@@ -162,9 +162,8 @@ def case_and_sources(
     if not isinstance(path, str | Path):
         raise CaseError(f"path is {path!r}, wanted a str or a Path")
     path = located(path)
-    whole = Source(read_yaml(path), str(path))
-    sources = reading_sources(whole)
-    return replace(_case(whole, sources, solvers, fixed_step), path=path), dict(sources)
+    case, sources = _case(Source(read_yaml(path), str(path)), solvers, fixed_step)
+    return replace(case, path=path), sources
 
 
 def parse_case(
@@ -175,22 +174,19 @@ def parse_case(
     fixed_step: Callable[[str], bool] | None = None,
 ) -> Case:
     """Read a case from text (see :func:`load_case`)."""
-    whole = Source(parse_yaml(text, file=file), file)
-    return _case(whole, reading_sources(whole), solvers, fixed_step)
+    return _case(Source(parse_yaml(text, file=file), file), solvers, fixed_step)[0]
 
 
 def _case(
-    whole: Source,
-    sources: Sequence[tuple[str, Source]],
-    solvers: Collection[str] | None,
-    fixed_step: Callable[[str], bool] | None,
-) -> Case:
-    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in sources)
+    whole: Source, solvers: Collection[str] | None, fixed_step: Callable[[str], bool] | None
+) -> tuple[Case, dict[str, Source]]:
+    sources = reading_sources(whole)
+    readings = tuple(_reading(name, source, solvers, fixed_step) for name, source in sources.items())
     name, title, source = (_line(whole, key) for key in ("name", "title", "source"))
     if title is None:
         raise whole.error((), "the key 'title' is missing at the top (a reading may have a title in addition)")
     assert name is not None  # every reading has the name and none may change it
-    return Case(name, title, source, readings)
+    return Case(name, title, source, readings), sources
 
 
 def _line(whole: Source, key: str) -> str | None:
@@ -208,17 +204,17 @@ def _checked(whole: Source, path: KeyPath, check: Callable[[object], str], value
         raise whole.error(path, f"'{path[0]}': {error}", key=key) from None
 
 
-def reading_sources(whole: Source) -> list[tuple[str, Source]]:
-    """Return the name and the source of every reading of a file, with its overrides applied."""
+def reading_sources(whole: Source) -> dict[str, Source]:
+    """Return the source of every reading of a file by name, with its overrides applied."""
     tree, file = whole.tree, whole.file
     if "readings" not in tree.entries:
-        return [(DEFAULT_READING, whole)]
+        return {DEFAULT_READING: whole}
     readings = tree.entries["readings"]
     if not isinstance(readings, MappingNode) or not readings.entries:
         message = "'readings' must be a mapping, as in {name: {key: value}}, with at least one reading"
         raise whole.error(("readings",), message)
-    base = MappingNode(tree.place, {k: v for k, v in tree.entries.items() if k != "readings"}, tree.keys, tree.size)
-    found, size = [], 0
+    base = mapping({k: v for k, v in tree.entries.items() if k != "readings"}, tree.place, tree.keys)
+    found, size = dict[str, Source](), 0
     for name, overrides in readings.entries.items():
         path = ("readings", name)
         _checked(whole, path, file_name, name, key=True)
@@ -227,15 +223,15 @@ def reading_sources(whole: Source) -> list[tuple[str, Source]]:
             raise whole.error(path, message)
         for key in overrides.entries:
             if key not in READING_KEYS:
-                message = f"a reading cannot change the key '{key}'{did_you_mean(key, READING_KEYS)}"
-                raise whole.error((*path, key), f"{message}; allowed: {listed(sorted(READING_KEYS))}", key=True)
+                message = f"a reading cannot change the key '{key}'"
+                raise whole.unknown((*path, key), message, "allowed", sorted(READING_KEYS))
         source = Source(merged(base, overrides), file, f" [reading '{name}']", whole.work)
         size += source.tree.size
         if size > MAX_WRITTEN_OUT:
             message = f"with this reading, all readings together have more than {MAX_WRITTEN_OUT} keys and values"
             raise whole.error(path, f"{message} (inherited ones included); give fewer readings", key=True)
         check_added_parameters(source, whole)
-        found.append((name, source))
+        found[name] = source
     return found
 
 
@@ -246,9 +242,10 @@ def _reading(
     check_model(source)
     expected.check_runs(source, form, solvers)
     expected.check_gates(source, form, fixed_step)
-    problem, names = build_problem(source)
+    problem = build_problem(source)
     check_surfaces(source, problem)
-    after = source.number(("measure", "after"), names.values) if "after" in source.keys(("measure",)) else 0
+    values = problem.system.parameter_values
+    after = source.number(("measure", "after"), values) if "after" in source.keys(("measure",)) else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
         raise source.error(("measure", "after"), f"'after' must be earlier than 'until', {problem.until}")
     return Reading(
@@ -260,16 +257,16 @@ def _reading(
         steps=form.steps,
         measure_after=float(after),
         published=form.published,
-        exact=expected.exact(source, form, names, problem),
-        orbit=expected.orbit(source, form, names),
+        exact=expected.exact(source, form, problem),
+        orbit=expected.orbit(source, form, problem),
         gate=dict(form.gate),
-        expect=expected.expectation(source, form, names, problem),
+        expect=expected.expectation(source, form, problem),
         source=form.source,
         story=form.story,
         equations=form.equations,
         links=form.links,
         tags=form.tags,
-        scene=read_scene(source)[0] if form.scene is not None else None,
+        scene=read_scene(source) if form.scene is not None else None,
     )
 
 

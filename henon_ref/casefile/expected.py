@@ -10,7 +10,7 @@ import sympy as sp
 from henon_ref.casefile.schema import CaseForm, Exact, Expect, Orbit
 from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.problem import Problem
-from henon_ref.system.source import Names, Source
+from henon_ref.system.source import Source
 from henon_ref.text import did_you_mean, listed
 
 
@@ -21,7 +21,7 @@ def _precedes(one: tuple[sp.Expr, float], other: tuple[sp.Expr, float]) -> bool:
     return one[0] != other[0] and exact_sign(other[0] - one[0]) > 0
 
 
-def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exact | None:
+def exact(source: Source, form: CaseForm, problem: Problem) -> Exact | None:
     """Read the closed forms as exact numbers; the transition times must be in order and within the run."""
     if form.exact is None:
         return None
@@ -29,7 +29,7 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
     before, until = ((limit, float(limit)) for limit in (problem.start, problem.until))
     for i in range(len(form.exact.transition_times)):
         path = ("exact", "transition_times", i)
-        number = source.number(path, names.values)
+        number = source.number(path, problem.system.parameter_values)
         time = (number, float(number))
         if _precedes(time, before):
             raise source.error(path, "exact transition times must be in increasing order and not before the start")
@@ -47,22 +47,22 @@ def exact(source: Source, form: CaseForm, names: Names, problem: Problem) -> Exa
     return Exact(tuple(times), modes)
 
 
-def orbit(source: Source, form: CaseForm, names: Names) -> Orbit | None:
+def orbit(source: Source, form: CaseForm, problem: Problem) -> Orbit | None:
     """Read the periodic orbit that the case claims, with an exact period."""
     if form.orbit is None:
         return None
-    period = source.number(("orbit", "period"), names.values)
+    period = source.number(("orbit", "period"), problem.system.parameter_values)
     if exact_sign(period) <= 0:
         raise source.error(("orbit", "period"), "a period must be larger than 0")
     return replace(form.orbit, period=period)
 
 
-def expectation(source: Source, form: CaseForm, names: Names, problem: Problem) -> Expect | None:
+def expectation(source: Source, form: CaseForm, problem: Problem) -> Expect | None:
     """Read how and when the run is expected to end; the time must be within the run, status ok at the horizon."""
     found, path = form.expect, ("expect", "time")
     if found is None or found.time is None:
         return found
-    time = source.number(path, names.values)
+    time = source.number(path, problem.system.parameter_values)
     if found.status == "ok" and exact_sign(problem.until - time) != 0:
         raise source.error(path, f"a run with status ok ends at 'until', {problem.until}; leave 'time' out")
     if exact_sign(time - problem.start) < 0 or exact_sign(problem.until - time) < 0:

@@ -40,7 +40,6 @@ class Form:
     @classmethod
     @cache
     def keys(cls) -> dict[str, Kind]:
-        """Return the keys and the kinds of their values."""
         hints = get_type_hints(cls, include_extras=True)
         own = (name for name in hints if name not in Form.__annotations__)
         return {name: replace(kind_of(hints[name]), default=getattr(cls, name, MISSING)) for name in own}
@@ -83,16 +82,12 @@ class Kind:
         return isinstance(self.type, type) and issubclass(self.type, Form)
 
 
-_NOTES = {Scalar: "type", Size: "size", str: "description"}
-"""Type of a note in ``Annotated`` -> field of :class:`Kind`."""
-
-
 @cache
 def kind_of(annotation: Any) -> Kind:
-    """Return the kind that an annotation describes."""
     inner = get_args(annotation)
     if get_origin(annotation) is Annotated:
-        return replace(kind_of(inner[0]), **{_NOTES[type(note)]: note for note in inner[1:]})
+        fields = {Scalar: "type", Size: "size", str: "description"}  # by the type of the note
+        return replace(kind_of(inner[0]), **{fields[type(note)]: note for note in inner[1:]})
     if NoneType in inner:
         return replace(kind_of(inner[0]), optional=True)
     if get_origin(annotation) is Literal:

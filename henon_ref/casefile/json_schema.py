@@ -16,18 +16,14 @@ from henon_ref.system.scene import KEYS
 _EXPRESSION = {"type": ["number", "string"]}
 _NAME = {"type": "string"}
 _TWO_NAMES = {"type": "array", "items": _NAME, "minItems": 2, "maxItems": 2}
-_PART = "Part"
-"""Suffix of the name of a form for its variant in a reading, in which every key is optional."""
 _Schema = dict[str, Any]
 
 
 def schema_text() -> str:
-    """Return the text of ``cases/case.schema.json``."""
     return json.dumps(case_schema(), indent=1) + "\n"
 
 
 def case_schema() -> _Schema:
-    """Return the JSON Schema of a case file."""
     forms: dict[str, _Schema] = {}
     whole, forms = _ordered(_form(CaseForm, forms)), _ordered(forms)
     overrides = {key: _override(value) for key, value in whole["properties"].items() if key in READING_KEYS}
@@ -39,7 +35,7 @@ def case_schema() -> _Schema:
     }
     # With readings, a required key may be in every reading instead of at the top.
     whole["required"] = ["schema", "name", "title"]
-    forms |= {f"{name}{_PART}": _part_of(form) for name, form in forms.items()}
+    forms |= {f"{name}Part": _part_of(form) for name, form in forms.items()}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$defs": forms, **whole}
 
 
@@ -55,7 +51,6 @@ def _ordered(value: Any, key: str = "") -> Any:
 
 
 def _form(form: type[Form], forms: dict[str, _Schema]) -> _Schema:
-    """Return the schema of a form; schemas of the forms inside are added to ``forms``."""
     found: _Schema = {"title": _name(form), "type": "object", "additionalProperties": False, "properties": {}}
     if form.__doc__:
         found["description"] = form.__doc__
@@ -98,7 +93,8 @@ def _kind(kind: Kind, name: str, forms: dict[str, _Schema]) -> _Schema:
         found = {"type": "array", "items": _kind(kind_of(kind.inner[0]), name, forms)}
         found |= {f"{way}Items": size for way, size in sizes.items()}
     elif kind.type is Any:
-        found = {"anyOf": _BODIES if name == "bodies" else _CONNECTIONS}
+        bodies = [{"const": "fixed"}, *(_body(key, kind, unit) for key, (kind, unit) in KEYS.items())]
+        found = {"anyOf": bodies if name == "bodies" else [_connection(kind) for kind in KINDS]}
     elif kind.is_form:
         forms[_name(kind.type)] = _form(kind.type, forms)
         found = {"$ref": f"#/$defs/{_name(kind.type)}"}
@@ -116,7 +112,6 @@ def _mapping(properties: _Schema, required: list[str]) -> _Schema:
 
 
 def _body(key: str, kind: str, unit: str) -> _Schema:
-    """Return the schema of a body that is defined by ``key``."""
     properties: _Schema = {key: _EXPRESSION | {"description": f"[{unit}]"}}
     if kind in ("mass", "rotor"):
         properties["states"] = _TWO_NAMES | {"description": "names of its states, position or angle first"}
@@ -124,7 +119,6 @@ def _body(key: str, kind: str, unit: str) -> _Schema:
 
 
 def _connection(name: str) -> _Schema:
-    """Return the schema of a kind of connection under its name."""
     kind = KINDS[name]
     properties: _Schema = (
         {"on": _NAME | {"description": "the body"}}
@@ -144,10 +138,6 @@ def _of_connection(key: Key) -> _Schema:
     return _EXPRESSION | {"description": key.meaning + unit}
 
 
-_BODIES = [{"const": "fixed"}, *(_body(key, kind, unit) for key, (kind, unit) in KEYS.items())]
-_CONNECTIONS = [_connection(name) for name in KINDS]
-
-
 # -- readings -------------------------------------------------------------------------------------------
 
 
@@ -159,7 +149,7 @@ def _override(value: _Schema) -> _Schema:
 
 def _part(value: _Schema) -> _Schema:
     if "$ref" in value:
-        return {"$ref": value["$ref"] + _PART}
+        return {"$ref": f"{value['$ref']}Part"}
     return _part_of(value) if value.get("type") == "object" else value
 
 

@@ -9,13 +9,11 @@ from henon_ref.modes.latex import general_form
 from henon_ref.modes.problem import Problem
 from henon_ref.text import html, listed
 
-HEADINGS = ("reading", "states", "surfaces", "from t [s]", "to t [s]")
-
 
 def case_html(name: str, title: str, problems: Mapping[str, Problem]) -> str:
     """Return a table of the readings' problems, followed by the equations; text of the case is escaped."""
     rows = [_row(reading, problem) for reading, problem in list(problems.items())[:12]]
-    head = "".join(f"<th>{heading}</th>" for heading in HEADINGS)
+    head = "".join(f"<th>{word}</th>" for word in ("reading", "states", "surfaces", "from t [s]", "to t [s]"))
     body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in rows)
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
     more = f"<p>and {len(problems) - len(rows)} more readings</p>" if len(problems) > len(rows) else ""

@@ -19,7 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.reader import ReaderError
 
 from henon_ref.errors import CaseError
-from henon_ref.system.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode
+from henon_ref.system.tree import MappingNode, Node, Place, Scalar, ScalarNode, SequenceNode, mapping, sequence
 from henon_ref.text import shortened
 
 CASE = "case file"
@@ -30,10 +30,6 @@ MAX_NODES = 20_000
 MAX_DEPTH = 32
 """Largest depth of nested mappings and sequences."""
 
-_INTEGER = re.compile(r"[-+]?[0-9]{1,400}")
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
-_NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
-_BASED = re.compile(r"0o[0-7]{1,400}|0x[0-9a-fA-F]{1,400}")
 _NAMED_SCALARS: dict[str, Scalar] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL")),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -186,7 +182,7 @@ class _Reader:
             if isinstance(event, ev.SequenceEndEvent):
                 break
             items.append(self._node(event, depth + 1))
-        return SequenceNode(_place(start), tuple(items), 1 + sum(i.size for i in items))
+        return sequence(items, _place(start))
 
     def _mapping(self, start: ev.Event, depth: int) -> MappingNode:
         entries: dict[str, Node] = {}
@@ -203,7 +199,7 @@ class _Reader:
                 # The parser places an absent value after the next token; it belongs to its key.
                 value = ScalarNode(keys[key], None, "", None)
             entries[key] = value
-        return MappingNode(_place(start), entries, keys, 1 + sum(e.size for e in entries.values()))
+        return mapping(entries, _place(start), keys)
 
     def _key(self, event: ev.Event, depth: int) -> str:
         node = self._node(event, depth + 1)
@@ -226,15 +222,15 @@ class _Reader:
         """Resolve a plain scalar by the core schema of YAML 1.2."""
         if text in _NAMED_SCALARS:
             return _NAMED_SCALARS[text]
-        if _INTEGER.fullmatch(text):
+        if re.fullmatch(r"[-+]?[0-9]{1,400}", text):
             return int(text)
-        if _BASED.fullmatch(text):
+        if re.fullmatch(r"0o[0-7]{1,400}|0x[0-9a-fA-F]{1,400}", text):
             return int(text, 0)
-        if _FLOAT.fullmatch(text):
+        if re.fullmatch(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?", text):
             if len(text) > 800:
                 raise self.error(f"the number {shortened(text, 24)} is too long", place)
             return Decimal(text)
-        if _NOT_FINITE.fullmatch(text):
+        if re.fullmatch(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", text):
             return Decimal(text.replace(".", "").lower())
         return text
 

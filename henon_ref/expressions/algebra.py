@@ -31,12 +31,12 @@ def simplified(expression: sp.Expr) -> sp.Expr:
     """Return the simplified expression, or the expression as written if that is too much work."""
     if not expression.has(sp.Add, sp.Function):  # a product is simple; SymPy would first load its units, 0.2 s
         return expression
-    return _rational(expression, sp.simplify, MAX_TERMS, MAX_MONOMIALS)
+    return _rational(expression, sp.simplify)
 
 
 def cancelled(expression: sp.Expr) -> sp.Expr:
     """Return the expression as one quotient in lowest terms, or as written if that is too much work."""
-    return _rational(expression, sp.cancel, MAX_TERMS, MAX_MONOMIALS) if expression.has(sp.Add) else expression
+    return _rational(expression, sp.cancel) if expression.has(sp.Add) else expression
 
 
 def known_positive(expression: sp.Expr) -> bool:
@@ -139,10 +139,10 @@ def _coefficients(expression: sp.Expr, wanted: set[sp.Symbol]) -> dict[sp.Symbol
     return found
 
 
-def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr], terms: int, monomials: int) -> sp.Expr:
+def _rational(expression: sp.Expr, rule: Callable[[sp.Expr], sp.Expr]) -> sp.Expr:
     """Apply a rule to an expression as a rational function; other subexpressions are symbols to the rule."""
     extents = measured(expression)
-    if extents is None or any(part.terms > terms or part.monomials > monomials for part in extents):
+    if extents is None:
         return expression
     others = sorted((g for part in extents for g in part.degrees if not g.is_Symbol), key=sp.default_sort_key)
     names = {g: sp.Dummy(f"g{i}", real=True) for i, g in enumerate(dict.fromkeys(others))}

@@ -30,10 +30,9 @@ MAX_LEVELS = 16
 """Largest nesting of operations in a number that is not rational: SymPy's work may double with each level."""
 LARGEST = sp.Float("1.7976931348623157e308", 20)
 """Largest absolute value of a number: the largest double."""
-
+NOT_FINITE = (sp.zoo, sp.nan, sp.oo, -sp.oo)
 _DIGITS = 25
 """Decimal digits with which a number is compared with a bound: more than a double's 17."""
-_SMOOTH = tuple(getattr(sp, name) for name in ELEMENTARY)
 
 
 def power(base: sp.Expr, exponent: sp.Expr, offset: int) -> sp.Expr:
@@ -105,7 +104,7 @@ def checked(value: sp.Expr, offset: int) -> sp.Expr:
     if value.is_number:
         check_constant(value, offset)
         return value
-    if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
+    if value.has(*NOT_FINITE):
         raise ExpressionError("division by zero, or another value that is not finite", offset)
     if value.has(sp.I):
         raise ExpressionError("the value is not real", offset)
@@ -123,7 +122,7 @@ def check_constant(value: sp.Expr, offset: int) -> None:
     If 100 digits of such a sum are zero, SymPy would search for its minimal polynomial, possibly without end.
     """
     _check_extent(value, offset)
-    if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
+    if value.has(*NOT_FINITE):
         raise ExpressionError("division by zero, or another value that is not finite", offset)
     if value.is_Rational:
         if _bits(value) > MAX_BITS:
@@ -159,7 +158,7 @@ def check_smooth(value: sp.Expr) -> None:
             raise ExpressionError(
                 f"{shown(function)} (the root of a square) has a kink; name a surface h and use its sign s: s*h", 0
             )
-        if not isinstance(function, _SMOOTH) and function.func.__name__ != "Sgn":
+        if function.func.__name__ not in (*ELEMENTARY, "Sgn"):
             raise ExpressionError(f"{shown(function)} is not allowed in a field", 0)
 
 

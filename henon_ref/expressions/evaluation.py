@@ -26,7 +26,7 @@ from henon_ref.expressions.bounds import (
     terms,
     with_known_functions,
 )
-from henon_ref.expressions.grammar import CONSTANT_FUNCTIONS, CONSTANTS, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
+from henon_ref.expressions.grammar import CONSTANT_FUNCTIONS, EULER, FUNCTIONS, KINK_FUNCTIONS, MAX_DEPTH
 from henon_ref.expressions.operations import (
     CACHED,
     OPERATION,
@@ -42,8 +42,8 @@ from henon_ref.expressions.operations import (
 from henon_ref.expressions.parser import parsed
 
 Written: TypeAlias = "str | sp.Expr"
-KINKED = (sp.Abs, sp.sign, sp.Max, sp.Min, sp.Piecewise, sp.Heaviside)
-"""SymPy's functions with kinks or jumps."""
+Kinked = tuple[sp.Expr, list[sp.Expr]]
+"""Expression, and the arguments of its kinks in order of appearance."""
 SMOOTH = dict.fromkeys(FUNCTIONS, 1)
 NUMBER, FIELD = SMOOTH | CONSTANT_FUNCTIONS, SMOOTH | KINK_FUNCTIONS
 """Function -> number of its arguments: in an expression whose value is a number, and in a component of a field."""
@@ -52,10 +52,6 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
     "abs": sp.Abs,
     "atan2": sp.atan2,
 }
-_NUMBERS: dict[str, sp.Expr] = dict(zip(CONSTANTS, (sp.pi, sp.E), strict=True))
-_HALF = sp.Rational(1, 2)
-# Exceptions of SymPy's own evaluation of unusual numbers (AttributeError: its cache, after a TypeError).
-_SYMPY_FAILS = (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError)
 
 
 def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
@@ -81,16 +77,7 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
     ExpressionError
         With the offset and the fault, and what is allowed.
     """
-    return _worked_out(written, names, Work() if work is None else work, SMOOTH)[0]
-
-
-def parse_field(written: Written, names: Mapping[str, sp.Expr], work: Work) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Read a component of a field, which may have kinks and jumps (see :mod:`henon_ref.expressions.kinks`).
-
-    The expression has a :class:`henon_ref.expressions.kinks.Sgn` for each sign; the arguments of the signs are returned
-    with it, in order of appearance.
-    """
-    return _worked_out(written, names, work, FIELD)
+    return evaluated(written, names, Work() if work is None else work, SMOOTH)[0]
 
 
 def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
@@ -98,7 +85,7 @@ def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | No
 
     ``abs`` and ``atan2`` are allowed in addition; the value must be real and within the range of a double.
     """
-    return _worked_out(written, names, Work() if work is None else work, NUMBER)[0]
+    return evaluated(written, names, Work() if work is None else work, NUMBER)[0]
 
 
 def read(written: Written, names: Mapping[str, object], work: Work, functions: Mapping[str, int]) -> Operation:
@@ -116,10 +103,12 @@ def read(written: Written, names: Mapping[str, object], work: Work, functions: M
     return operation
 
 
-def _worked_out(
-    written: Written, names: Mapping[str, sp.Expr], work: Work, functions: Mapping[str, int]
-) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Return the value of an expression and the arguments of its kinks; both are cached."""
+def evaluated(written: Written, names: Mapping[str, sp.Expr], work: Work, functions: Mapping[str, int]) -> Kinked:
+    """Return the value of an expression and the arguments of its kinks; both are cached.
+
+    Kinks and jumps (see :mod:`henon_ref.expressions.kinks`) are allowed if ``functions`` is ``FIELD``; the value then
+    has a :class:`henon_ref.expressions.kinks.Sgn` for each sign.
+    """
     work.charge(CACHED, 0)
     operation = read(written, names, work, functions)
     key = key_of(f"all, {id(functions)}", operation, names)
@@ -131,7 +120,7 @@ def _worked_out(
         else:
             value = _smooth(value)
         work.known[key] = value, walk.kinks(operation) if functions is FIELD else []
-    found: tuple[sp.Expr, list[sp.Expr]] = work.known[key]
+    found: Kinked = work.known[key]
     return found
 
 
@@ -147,7 +136,11 @@ def _smooth(value: sp.Expr) -> sp.Expr:
 
 
 def check_sides(
-    written: Written, names: Mapping[str, sp.Expr], signs: Mapping[str, sp.Symbol], work: Work, *, kinks: bool = False
+    written: Written,
+    names: Mapping[str, sp.Expr],
+    signs: Mapping[str, sp.Symbol],
+    work: Work,
+    functions: Mapping[str, int],
 ) -> None:
     """Check that an expression has a value with each sign at -1 and at +1.
 
@@ -158,23 +151,18 @@ def check_sides(
     if not signs:
         return
     names = overlaid(signs, names)
-    operation = read(written, names, work, FIELD if kinks else SMOOTH)
-    key = key_of("sides", operation, names)
-    if key in work.known:
-        return
-    found = _delicate(operation, signs)
+    found = _delicate(read(written, names, work, functions), signs)
     harmless = set(signs).difference(*(held for _, held in found))
     for side in (-1, 1):
         sides = overlaid(dict.fromkeys(harmless, sp.Integer(side)), names)
-        _worked_out(written, sides, work, FIELD if kinks else SMOOTH)
+        evaluated(written, sides, work, functions)
     for part, held in found:
         for name in held:
             for side in (-1, 1):
                 try:
-                    Walk(overlaid({name: sp.Integer(side)}, names), work, kinked=kinks).value(part)
+                    Walk(overlaid({name: sp.Integer(side)}, names), work, kinked=functions is FIELD).value(part)
                 except ExpressionError as error:
                     raise ExpressionError(f"{error.message} (at {name} = {side:+d})", error.offset) from None
-    work.known[key] = None
 
 
 def _delicate(operation: Operation, signs: Collection[str]) -> list[tuple[Operation, list[str]]]:
@@ -199,7 +187,8 @@ class Walk:
             return self._of(operation, 0)
         except (RecursionError, MemoryError):
             raise ExpressionError("nested too deeply", 0) from None
-        except _SYMPY_FAILS as error:
+        # SymPy's own evaluation of unusual numbers fails (AttributeError: its cache, after a TypeError).
+        except (ArithmeticError, AttributeError, NotImplementedError, TypeError, ValueError) as error:
             raise ExpressionError(f"SymPy cannot evaluate this ({type(error).__name__})", 0) from None
 
     def _of(self, part: Operation, depth: int) -> sp.Expr:
@@ -210,19 +199,19 @@ class Walk:
                 return part.value
             case "name":
                 name = str(part.value)
-                return self.names[name] if name in self.names else _NUMBERS[name]
+                return self.names.get(name, sp.E if name == EULER else sp.pi)
             case "-":
                 return -self._of(part.arguments[0], depth + 1)
             case "/":
                 return power(self._of(part.arguments[0], depth + 1), sp.S.NegativeOne, part.offset)
         key = key_of(f"value{'+' if self.kinked else ''}", part, self.names)
-        if key not in self.work.values:
+        if key not in self.work.known:
             self.work.charge(OPERATION + part.length, part.offset)
             value = self._operation(part, depth)
             if value.is_number and not value.is_Rational:  # its digits have been computed
                 self.work.charge(2 * (OPERATION + part.length), part.offset)
-            self.work.values[key] = value
-        return self.work.values[key]
+            self.work.known[key] = value
+        return self.work.known[key]
 
     def _operation(self, part: Operation, depth: int) -> sp.Expr:
         if self.kinked and part.kind == "call" and part.value in KINK_FUNCTIONS:
@@ -265,7 +254,7 @@ class Walk:
         if name not in _SYMPY or len(arguments) != CONSTANT_FUNCTIONS.get(name, 1):
             raise ExpressionError(f"{name!r} is not a function of {len(arguments)} arguments", offset)
         if name == "sqrt":
-            return self._power(arguments[0], _HALF, offset)
+            return self._power(arguments[0], sp.S.Half, offset)
         if name == "exp":
             check_exponential(arguments[0], offset)
         if arguments[0].is_number:
@@ -281,7 +270,7 @@ class Walk:
 
                 found += compared(str(part.value), [self._argument(a, 0) for a in part.arguments])
             elif part.kind == "^" or part.value == "sqrt":
-                base, exponent = (*(self._of(a, 0) for a in part.arguments), _HALF)[:2]
+                base, exponent = (*(self._of(a, 0) for a in part.arguments), sp.S.Half)[:2]
                 roots = sp.Pow(base, exponent).atoms(sp.Abs)  # SymPy simplifies sqrt(u**2) to Abs(u)
                 found += [root.args[0] for root in sorted(roots, key=sp.default_sort_key)]
         return found

@@ -53,7 +53,6 @@ TAKEN = frozenset(
 
 LETTER = "A-Za-zΑ-ΡΣ-Ωα-ω"
 """Latin and Greek letters, as a character class."""
-_KINK = re.compile(rf"\b({'|'.join(KINK_FUNCTIONS)})\s*\(")
 NAME = re.compile(rf"[{LETTER}][{LETTER}0-9_]*")
 LOOKALIKES = {"−": "-", "–": "-", "×": "*", "·": "*", "÷": "/", "²": "^2", "³": "^3", "[": "(", "]": ")", "|": "abs()"}
 LOOKALIKES |= {"≤": "<=", "≥": ">=", "µ": "μ, the Greek letter (U+03BC)"}
@@ -109,7 +108,7 @@ def name_problem(name: str, *, parameter: bool = False, state: bool = False) -> 
 
 def may_have_kinks(text: str) -> bool:
     """Check whether a text calls a function that has kinks or jumps."""
-    return _KINK.search(text) is not None
+    return re.search(rf"\b({'|'.join(KINK_FUNCTIONS)})\s*\(", text) is not None
 
 
 def check_name(name: str, names: Collection[str], functions: Mapping[str, int], offset: int) -> None:

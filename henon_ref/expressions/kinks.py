@@ -19,12 +19,6 @@ from henon_ref.expressions.bounds import exact_sign, shown, terms
 
 MAX_INNER = 4
 """Largest number of kinks in the argument of another kink: each doubles the number of branches."""
-MAX_TERMS = 1_000
-"""Largest number of terms, multiplied out, of a difference that is tested for zero."""
-
-
-Kinked = tuple[sp.Expr, list[sp.Expr]]
-"""Expression, and the arguments of its kinks in order of appearance."""
 
 
 class Sgn(sp.Function):
@@ -169,15 +163,17 @@ def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], 
         return
     (surface,) = surfaces
     above, below = (
-        values[_first(sign.xreplace({surface: side}) > 0 for sign in signs)].xreplace({surface: side})
+        _first_value(values, (sign.xreplace({surface: side}) > 0 for sign in signs)).xreplace({surface: side})
         for side in (sp.Integer(1), sp.Integer(-1))
     )
-    own = values[_first((not sign.is_number and not s) or sign == 1 for sign, s in zip(signs, strict, strict=True))]
+    holds = ((not sign.is_number and not s) or sign == 1 for sign, s in zip(signs, strict, strict=True))
+    own = _first_value(values, holds)
     if own.xreplace({surface: sp.S.One}) == above or own.xreplace({surface: sp.S.NegativeOne}) == below:
         return
     here = {surface.args[0]: sp.S.Zero, surface: sp.S.Zero}
     apart = [(own - side).xreplace(here) for side in (above, below, (above + below) / 2)]
-    if all(difference != 0 and (terms(difference) > MAX_TERMS or sp.expand(difference) != 0) for difference in apart):
+    # A difference of more terms is not multiplied out, and taken as not zero.
+    if all(difference != 0 and (terms(difference) > 1_000 or sp.expand(difference) != 0) for difference in apart):
         value = "a value of its own" if own.has(Sgn) else shown(own)
         raise ExpressionError(
             f"where {shown(surface.args[0])} is 0, this expression is {value}, the value of neither side; on a surface "
@@ -186,13 +182,9 @@ def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], 
         )
 
 
-def _first(holds: Iterable[object]) -> int:
-    """Return the index of the first condition that holds, or the number of conditions."""
-    count = -1
-    for count, held in enumerate(holds):
-        if held:
-            return count
-    return count + 1
+def _first_value(values: Sequence[sp.Expr], holds: Iterable[object]) -> sp.Expr:
+    """Return the value of the first condition that holds, or the last value."""
+    return next((value for value, held in zip(values, holds, strict=False) if held), values[-1])
 
 
 class Kinks:
@@ -257,17 +249,7 @@ class Kinks:
                 signs[Sgn(form)] = way * own
         return surfaces, self.resolved(sgn(expression).xreplace(signs), [*arguments, *parts])
 
-    def positive_part(self, expression: sp.Expr, arguments: Sequence[sp.Expr] = ()) -> sp.Expr:
-        """Return max(0, expression); the expression may have kinks, of ``arguments``."""
-        return self.resolved(chosen(expression, expression, sp.S.Zero), [*arguments, expression])
-
-    def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
-        """Return the expression limited to [-bound, bound]."""
-        above, below = bound + expression, bound - expression
-        return self.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below])
-
     def used(self, expression: sp.Expr) -> dict[sp.Symbol, sp.Expr]:
-        """Return the kinks whose signs occur in an expression."""
         held = expression.free_symbols
         return {sign: surface for sign, surface in self.surfaces.items() if sign in held}
 

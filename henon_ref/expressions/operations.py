@@ -22,7 +22,6 @@ MAX_WORK = 1_000_000
 OPERATION, READ, CACHED = 20, 2, 3
 """Characters that an operation costs in addition to its own, that parsing costs for each character of a text, and
 that a cached text costs."""
-_NAME = re.compile(r"[^\W\d]\w*")
 _BINDING = {"+": 1, "-": 2, "*": 2, "/": 3, "^": 4}
 """Binding strength of an operation; an operand that binds less closely is put in parentheses."""
 
@@ -242,12 +241,8 @@ class Work:
     done: int = 0
     files: int = 1
     """Number of files whose work is allowed: a system from Python may be larger than one of a file."""
-    values: dict[Hashable, sp.Expr] = field(default_factory=dict)
-    """Cache of the values of expressions and their parts, by their operations and the meanings of their names."""
     known: dict[Hashable, Any] = field(default_factory=dict)
-    """Cache of operations of texts and of SymPy, of kinks, and of checks made."""
-    built: dict[Hashable, tuple[object, Any]] = field(default_factory=dict)
-    """Cache of what is built from parts of the file, by these parts; they are kept alive with it."""
+    """Cache of operations, of the values of expressions and their parts, of checks made, and of what is built."""
 
     def charge(self, characters: int, offset: int) -> None:
         """Charge work before it is done; raises ExpressionError if it exceeds the limit."""
@@ -275,5 +270,5 @@ def overlaid(over: Mapping[str, sp.Expr], names: Mapping[str, sp.Expr]) -> Mappi
 def names_in(written: str | sp.Expr) -> list[str]:
     """Return the names that occur in a text or in a SymPy expression, each once."""
     if isinstance(written, str):
-        return list(dict.fromkeys(_NAME.findall(written)))
+        return list(dict.fromkeys(re.findall(r"[^\W\d]\w*", written)))
     return sorted({symbol.name for symbol in written.free_symbols})

@@ -176,18 +176,16 @@ class _Parser:
         raise ExpressionError(f"{what}; a product is written with *", token.offset)
 
     def _misplaced(self, token: _Token) -> ExpressionError:
-        """Error for a comparison outside a condition."""
         if any(self.conditions):
             return ExpressionError(f"a comparison must not have its own parentheses; {TWO_CONDITIONS}", token.offset)
         return ExpressionError(f"'{token.text}' is allowed in a condition of 'piecewise' only", token.offset)
 
     def _named(self, token: _Token) -> Operation:
-        """Parse a number, a name, or a call."""
         name = token.text
         if token.kind == "number":
             _check_number(token)
             self._advance()
-            return Operation("number", (), exact(name), token.offset)
+            return Operation("number", (), sp.Rational(name), token.offset)
         if name in _CONNECTIVES and name not in self.names:
             raise ExpressionError(f"'{name}' is not an operator here; {TWO_CONDITIONS}", token.offset)
         check_name(name, self.names, self.functions, token.offset)
@@ -247,14 +245,6 @@ def _check_arguments(function: _Token, arity: int, count: int) -> None:
     if count < (2 if arity == MANY else arity):
         several = "two arguments or more" if arity == MANY else f"{arity} arguments"
         raise ExpressionError(f"'{function.text}' takes {several}", function.offset)
-
-
-def exact(number: str) -> sp.Rational:
-    """Return a decimal number as an exact fraction."""
-    mantissa, _, exponent = number.lower().partition("e")
-    whole, _, decimals = mantissa.partition(".")
-    shift = int(exponent or 0) - len(decimals)
-    return sp.Rational(int(whole + decimals) * 10 ** max(shift, 0), 10 ** max(-shift, 0))
 
 
 def _check_number(token: _Token) -> None:

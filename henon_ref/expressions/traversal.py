@@ -87,22 +87,15 @@ def product(factors: Sequence[sp.Expr]) -> sp.Expr:
     return factors[0] if len(factors) == 1 else sp.Mul(*factors)
 
 
-def size(expression: sp.Expr, limit: int) -> int:
-    """Number of operations, symbols and numbers of an expression, each occurrence counted; at most limit + 1."""
-    waiting: list[sp.Basic] = [expression]
+def size(expression: sp.Expr | Iterable[sp.Expr], limit: int) -> int:
+    """Number of operations, symbols and numbers of one or several expressions, each occurrence counted.
+
+    At most limit + 1.
+    """
+    waiting: list[sp.Basic] = [expression] if isinstance(expression, sp.Basic) else [*expression]
     count = 0
     while waiting and count <= limit:
         part = waiting.pop()
         count += 1
         waiting += part.args
-    return count
-
-
-def total_size(expressions: Iterable[sp.Expr], limit: int) -> int:
-    """Total size of several expressions; at most limit + 1."""
-    count = 0
-    for expression in expressions:
-        count += size(expression, limit - count)
-        if count > limit:
-            break
     return count

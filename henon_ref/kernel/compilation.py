@@ -47,8 +47,6 @@ X86_64 = (
     Variant("x86-64", "x86-64", frozenset()),
 )
 """Variants, the best first. None is specific to the build machine, because other machines run the libraries, too."""
-_INCLUDE = re.compile(rb'\n[ \t]*#[ \t]*include[ \t]*"([^"]+)"')
-"""Include directive. Beginning with a newline instead of ``^`` makes the search quick: 0.2 ms instead of 12 ms."""
 
 
 def variants(machine: str | None = None) -> tuple[Variant, ...]:
@@ -77,7 +75,8 @@ def source_files(source: Path) -> dict[Path, bytes]:
             return
         begun.add(path)
         content = Path(path).read_bytes()
-        for name in _INCLUDE.findall(b"\n" + content):
+        # A newline in place of ^ makes the search quick: 0.2 ms instead of 12 ms.
+        for name in re.findall(rb'\n[ \t]*#[ \t]*include[ \t]*"([^"]+)"', b"\n" + content):
             folder = os.path.dirname(path)
             if not os.path.isfile(os.path.join(folder, name.decode())):
                 folder = os.path.join(folder, os.pardir)  # an installation has the baselines a folder deeper

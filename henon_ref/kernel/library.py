@@ -23,8 +23,6 @@ CPU_VARIABLE = "HENON_REF_CPU"
 selects the library for processors without fused operations."""
 SELF_TEST = float.fromhex("-0x1.d23ef345ec270p-2")
 """Correct return value of ``henon_self_test`` (``self_test.h``)."""
-EXPORTED = "extern const char henon_sources[]; double henon_self_test(void);"
-"""Declarations that every library exports (``self_test.h``)."""
 
 
 def load(header: Path, name: str) -> tuple[FFI, Any]:
@@ -54,7 +52,8 @@ def load(header: Path, name: str) -> tuple[FFI, Any]:
     if not file.exists():
         raise KernelError(f"{file} is missing: {_remedy()}")
     ffi = FFI()
-    ffi.cdef(EXPORTED + declarations(header))
+    # What every library exports (self_test.h), in addition to the header.
+    ffi.cdef("extern const char henon_sources[]; double henon_self_test(void);" + declarations(header))
     lib = ffi.dlopen(str(file))
     if ffi.string(lib.henon_sources).decode() != sources_hash(source):
         raise KernelError(f"{file} was compiled from other sources than those beside it: {_remedy()}")

@@ -16,7 +16,6 @@ LEVELS = kernel.levels()
 """Bounds and levels of compiled code (``struct levels``)."""
 EPS: float = LEVELS.eps
 """Distance from 1 to the next double."""
-_FORMATS = {"double": "f8", "int64_t": "i8", "int32_t": "i4", "int16_t": "i2", "int8_t": "i1"}
 
 
 def record_dtype(structure: str) -> np.dtype[Any]:
@@ -28,11 +27,12 @@ def record_dtype(structure: str) -> np.dtype[Any]:
         Name of the structure, without the word ``struct``.
     """
     kind = ffi.typeof(f"struct {structure}")
+    formats = {"double": "f8", "int32_t": "i4", "int16_t": "i2", "int8_t": "i1"}
     fields = [(name, field) for name, field in kind.fields if field.type.kind != "array"]
     return np.dtype(
         {
             "names": [name for name, _ in fields],
-            "formats": [_FORMATS.get(field.type.cname, "i8") for _, field in fields],
+            "formats": [formats.get(field.type.cname, "i8") for _, field in fields],
             "offsets": [field.offset for _, field in fields],
             "itemsize": ffi.sizeof(kind),
         },

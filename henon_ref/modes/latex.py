@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import sympy as sp
 
-from henon_ref.expressions.traversal import size, total_size
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.text import spelled
 
@@ -109,7 +109,7 @@ def printable(expression: sp.Expr) -> bool:
 
 def few(expressions: Sequence[sp.Expr]) -> bool:
     """Check whether expressions together are short enough to be printed."""
-    return total_size((e for e in expressions if printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
+    return size((e for e in expressions if printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
 
 
 def derivative(state: sp.Symbol, rate: sp.Expr) -> str:

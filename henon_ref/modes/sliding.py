@@ -35,7 +35,7 @@ from henon_ref.expressions.algebra import (
     simplified,
 )
 from henon_ref.expressions.bounds import put
-from henon_ref.expressions.traversal import size, total_size
+from henon_ref.expressions.traversal import size
 from henon_ref.modes.equations import Guard, Refusal, along
 from henon_ref.modes.linear_system import Matrix, determinant, solution, surfaces_solved
 from henon_ref.modes.switched_field import SwitchedField
@@ -180,7 +180,7 @@ def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
 
 
 def _small(expressions: Sequence[sp.Expr], signs: Sequence[sp.Symbol]) -> Sequence[sp.Expr]:
-    if total_size(expressions, MAX_SIZE) > MAX_SIZE:
+    if size(expressions, MAX_SIZE) > MAX_SIZE:
         raise _too_large(signs)
     return expressions
 

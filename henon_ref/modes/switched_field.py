@@ -98,6 +98,11 @@ class SwitchedField:
         return tuple(symbol.name for symbol in self.states)
 
     @cached_property
+    def parameter_values(self) -> dict[str, sp.Expr]:
+        """Parameter name -> its exact number."""
+        return {symbol.name: value for symbol, value in self.parameters.items()}
+
+    @cached_property
     def places(self) -> dict[sp.Symbol, int]:
         """State -> its index."""
         return {x: row for row, x in enumerate(self.states)}

@@ -14,10 +14,9 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
-from henon_ref.system.python_values import argument_error, mapping, tree_of, written, written_name
-from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node
-from henon_ref.text import did_you_mean, listed, shortened
+from henon_ref.system.python_values import argument_error, mapping_of, tree_of, written, written_name
+from henon_ref.system.tree import MappingNode, Node, mapping
+from henon_ref.text import listed, shortened
 
 STOPS = 63
 """Number of surfaces on which a run can be stopped (the first ones): bits of a positive int64."""
@@ -70,25 +69,19 @@ def problem_of(
     entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
     entries: dict[str, Node] = {"t": tree_of(written(start, "'start'"), "'start'"), **given.entries, "mode": entry}
     read = {"initial": mapping(entries), "until": tree_of(written(until, "'until'"), "'until'")}
-    source = Source(mapping({**system.tree.entries, **read}), work=system.work())
+    source = system.with_keys(read)
     try:
         with one_at_a_time():
             check_form(source.tree)
-            return system, build_problem(source)[0]
+            return system, build_problem(source)
     except HenonRefError as error:
         raise argument_error(error) from None
 
 
 def _mapping(value: object, what: str, kind: str, known: tuple[str, ...], entry: object = 0) -> MappingNode:
     """Return a mapping as a tree node; ArgumentError if a name is not known."""
-    node = tree_of(value, what) if isinstance(value, Mapping) else None
-    if not isinstance(node, MappingNode):
-        others = ", or an array with a value for each state" if kind == "state" else ""
-        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0] if known else 's'!r}: {entry!r}}}{others}")
-    for name in node.entries:
-        if name not in known:
-            raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
-    return node
+    others = ", or an array with a value for each state" if kind == "state" else ""
+    return mapping_of(value, what, kind, known, f"{{{known[0] if known else 's'!r}: {entry!r}}}{others}")
 
 
 def tolerance_of(value: Any) -> float:

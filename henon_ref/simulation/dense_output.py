@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,10 @@ from henon_ref.trajectory import Trajectory
 Vector = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
 class DenseOutput:
     """Solution of a run as a function of time.
 
-    Parameters
+    Attributes
     ----------
     begin, begin_low : ndarray, shape (k,)
         Start time of each step [s], a pair of doubles whose sum it is; the last entry is the end of the run.
@@ -30,29 +28,14 @@ class DenseOutput:
         Interval of the solution [s].
     """
 
-    begin: Vector
-    begin_low: Vector
-    unit: Vector
-    coefficients: Vector
-    start: float
-    end: float
-
-    @classmethod
-    def of(cls, steps: NDArray[Any], start: float, end: Trajectory) -> DenseOutput:
-        """That of a run, from its steps (:func:`henon_ref.integrator.records.step_dtype`), initial time [s] and end.
-
-        Where it ended early, the state is constant from there on.
-        """
+    def __init__(self, steps: NDArray[Any], start: float, end: Trajectory) -> None:
+        """``steps``: as :func:`henon_ref.integrator.records.step_dtype`; ``start``: initial time [s]."""
         rest = np.zeros((1, *steps["coefficients"].shape[1:]))
-        rest[0, :, 0] = end.end_state
-        return cls(
-            begin=np.append(steps["time"], end.end_time),
-            begin_low=np.append(steps["time_low"], 0.0),
-            unit=np.append(steps["unit"], 1.0),
-            coefficients=np.concatenate([steps["coefficients"], rest]),
-            start=start,
-            end=end.end_time,
-        )
+        rest[0, :, 0] = end.end_state  # constant after an early end
+        self.begin, self.begin_low = np.append(steps["time"], end.end_time), np.append(steps["time_low"], 0.0)
+        self.unit = np.append(steps["unit"], 1.0)
+        self.coefficients = np.concatenate([steps["coefficients"], rest])
+        self.start, self.end = start, end.end_time
 
     def __call__(self, t: ArrayLike) -> Vector:
         """Return the state at a time, shape (n,), or at m times, shape (n, m); at a jump, the state after it.

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from threading import Lock
 from typing import Any
 
-from henon_ref.errors import ArgumentError
+from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT, Integrator, Start, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
@@ -83,7 +84,7 @@ def launch(
                 quick = _prepared(system, tolerance)
                 if quick is not None:  # loads its compiled functions now, not in the second run
                     quick(initial, until, start, parameters, mode)
-    if stop or max_steps != MOST_STEPS:
+    if stop is not None or type(max_steps) is not int or max_steps != MOST_STEPS:
         run = begin.scalars
         run.stop_falling, run.stop_rising = stopping
         run.most_steps = min(whole_number(max_steps, "max_steps"), NO_LIMIT)
@@ -95,7 +96,11 @@ def _prepared(system: System, tolerance: float) -> QuickStart | None:
     if len(system.prepared) >= 32:
         system.prepared.clear()
     error = local_error(tolerance)
-    made = system.prepared[tolerance] = QuickStart.of(system, integrator_of(system, error), error)
+    integrator, made = integrator_of(system, error), None
+    if not system.has_moving_exponents:
+        with suppress(ModelError):
+            made = QuickStart(system, integrator, error)
+    system.prepared[tolerance] = made
     return made
 
 

@@ -82,7 +82,10 @@ class Number:
 
 
 class QuickStart:
-    """Starts of one system at one local error of a step."""
+    """Starts of one system at one local error of a step.
+
+    ModelError if no program evaluates an expression of the system.
+    """
 
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
         self._system, self.integrator = system, integrator
@@ -94,14 +97,6 @@ class QuickStart:
         # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
         self._changes, self._constants = lru_cache(64)(self._changes_of), lru_cache(64)(self._made)
-
-    @classmethod
-    def of(cls, system: System, integrator: Integrator, tolerance: float) -> QuickStart | None:
-        """Return None if no program evaluates an expression of the system, or an exponent depends on time or states."""
-        try:
-            return None if system.has_moving_exponents else cls(system, integrator, tolerance)
-        except ModelError:
-            return None
 
     def __call__(
         self,
@@ -204,7 +199,7 @@ class QuickStart:
         """Return the exact values of all parameters: changed ones as printed decimal numbers, and their dependents."""
         numbers, changes = _numbers(names, given), self._changes(names)
         assert changes is not None
-        known = {symbol.name: value for symbol, value in self._own.items()}
+        known = {**self._system.model.parameter_values}
         known |= {name: exact_expression(value) for name, value in numbers.items()}
         known |= {name: own.exact(numbers) for name, own in changes[0].items()}
         return [known[symbol.name] for symbol in self.integrator.programs.parameters]

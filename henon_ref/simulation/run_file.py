@@ -17,8 +17,8 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.integrator.run_result import KINDS, TransitionArray
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import tree_of
-from henon_ref.system.tree import MappingNode, as_written
+from henon_ref.system.python_values import mapping_of, source_of
+from henon_ref.system.tree import as_written
 from henon_ref.trajectory import Counts, Decisions, Trajectory
 
 FORMAT = 1
@@ -97,8 +97,6 @@ def _arrays(run: Saved) -> dict[str, NDArray[Any]]:
 
 def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Saved:
     """Return the run in the file's arrays."""
-    tree = tree_of(about["system"], "'system'")
-    assert isinstance(tree, MappingNode)
     counts = dict(about["counts"])
     decisions = Decisions(**counts.pop("decisions"))
     made = Counts(**counts)
@@ -122,7 +120,8 @@ def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Saved:
         for field, values in fields.items():
             steps[field] = values
     initial = [(high, low) for high, low in arrays["initial"].T.tolist()]
-    return System.from_tree(tree), about["start"], initial, trajectory, steps
+    system = System.from_source(source_of(mapping_of(about["system"], "'system'")))
+    return system, about["start"], initial, trajectory, steps
 
 
 def _transitions(arrays: dict[str, NDArray[Any]]) -> TransitionArray:

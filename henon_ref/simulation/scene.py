@@ -11,10 +11,10 @@ import numpy as np
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import mapping, sequence, tree_of, written_name
+from henon_ref.system.python_values import mapping_of, source_of, tree_of, written_name
 from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node, Place
+from henon_ref.system.tree import Node, Place, mapping, sequence
 from henon_ref.text import listed
 
 if TYPE_CHECKING:
@@ -66,9 +66,7 @@ class Scene:
     """
 
     def __init__(self, parameters: Mapping[Any, Any] | None = None) -> None:
-        self._parameters = tree_of({} if parameters is None else parameters, "'parameters'")
-        if not isinstance(self._parameters, MappingNode):
-            raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
+        self._parameters = mapping_of({} if parameters is None else parameters, "'parameters'")
         self._bodies: dict[str, Node] = {}
         self._connections: list[Node] = []
         self._declared: list[str] = []
@@ -193,7 +191,7 @@ class Scene:
         """
         bodies, connections = mapping(self._bodies), sequence(self._connections)
         scene = mapping({"parameters": self._parameters, "bodies": bodies, "connections": connections})
-        return System.from_tree(mapping({"scene": scene}), declared=self._declared)
+        return System.from_source(source_of(mapping({"scene": scene})), self._declared)
 
     # -- pictures ---------------------------------------------------------------------------------------
 
@@ -268,8 +266,7 @@ class Scene:
 
         if len(self._bodies) > MOST_BODIES:
             raise ArgumentError(f"the scene has {len(self._bodies)} bodies; a picture shows at most {MOST_BODIES}")
-        scene, _ = read_scene(Source(self.system().tree))
-        return scene
+        return read_scene(Source(self.system().tree))
 
     @staticmethod
     def _axes(scene: Any) -> Axes:

@@ -66,7 +66,7 @@ class Solution(Outcome):
 
     @cached_property
     def sol(self) -> DenseOutput | None:
-        return None if self._steps is None else DenseOutput.of(self._steps, self.start_time, self.trajectory)
+        return None if self._steps is None else DenseOutput(self._steps, self.start_time, self.trajectory)
 
     @cached_property
     def t(self) -> NDArray[np.float64]:
@@ -98,7 +98,6 @@ class Solution(Outcome):
 
     @property
     def _changes(self) -> NDArray[Any]:
-        """Records of the transitions."""
         return self._transitions.records
 
     @cached_property
@@ -315,7 +314,6 @@ class Solution(Outcome):
         return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
 
     def motion_at(self, times: ArrayLike) -> Motion:
-        """Return states and modes at given times, for drawing."""
         if self.sol is None:
             raise ArgumentError(f"a motion {_NO_DENSE}")
         from henon_ref.figures.motion import Motion

@@ -6,33 +6,40 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy as sp
 
 from henon_ref.casefile.schema import check_form
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.expressions.evaluation import parse_expression, parse_number
-from henon_ref.expressions.operations import Work
-from henon_ref.modes.preparation import parameters_in_exponents, with_rational_exponents
+from henon_ref.modes.preparation import parameters_in_exponents
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.calls import explained
-from henon_ref.system.problem import MODEL_KEYS, written_model
+from henon_ref.system.problem import MODEL_KEYS, build_system, read_scene, written_system
 from henon_ref.system.python_values import (
     Number,
-    OwnStart,
     argument_error,
     as_given,
-    mapping,
+    mapping_of,
     python_number,
     source_of,
     tree_of,
     written_name,
 )
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, ScalarNode, child, merged
+from henon_ref.system.tree import MappingNode, Node, ScalarNode, child, mapping, merged
 from henon_ref.taylor.tape import TIME
-from henon_ref.text import did_you_mean, listed
+from henon_ref.text import listed
+
+
+class OwnStart(NamedTuple):
+    """Start and horizon of a case's reading, as written in the file."""
+
+    initial: dict[str, str]
+    start: str
+    until: str
+    mode: dict[str, int]
 
 
 class System:
@@ -75,8 +82,6 @@ class System:
         The system as it is integrated.
     tree : MappingNode
         The description that the system was read from.
-    prepared : dict
-        Prepared starts of runs, by tolerance.
     initial, start, until, mode
         Start and horizon of the case's reading (:meth:`from_case`), as exact numbers; None for a system from Python.
     own_start : OwnStart
@@ -99,6 +104,8 @@ class System:
     System(x, v; s: v - vb; F = 1, d = 3, vb = 1/2)
     """
 
+    own_start: OwnStart | None = None
+
     @explained
     def __init__(
         self,
@@ -119,7 +126,7 @@ class System:
             **({} if sliding is None else {"sliding": tree_of(sliding, "'sliding'")}),
             **({} if resets is None else {"resets": tree_of(resets, "'resets'")}),
         }
-        self._read(mapping(written))
+        self._read(source_of(mapping(written)))
 
     @classmethod
     def from_case(cls, path: str | Path, reading: str | None = None) -> System:
@@ -149,52 +156,49 @@ class System:
         return cls.from_source(sources[chosen.name])
 
     @classmethod
-    def from_source(cls, source: Source) -> System:
-        """Read the system of a case that has been checked, with its start and horizon."""
-        self = cls.__new__(cls)
-        self._read(source.tree, source=source)
-        self.own_start = OwnStart.of(source, self.state)
-        return self
+    def from_source(cls, source: Source, declared: Sequence[str] = ()) -> System:
+        """Read the system of a case file's keys ``system`` or ``scene``, ``sliding`` and ``resets``.
 
-    @classmethod
-    def from_tree(cls, tree: MappingNode, declared: Sequence[str] = ()) -> System:
-        """Read the system from the tree of a case file: its keys ``system`` or ``scene``, ``sliding`` and ``resets``.
-
-        ``declared[k - 1]`` names the declaration on line k, for messages; nodes on line 0 have no declaration.
+        It has the start and the horizon of the case if it is one. ``declared[k - 1]`` names the declaration on line k,
+        for messages; nodes on line 0 have no declaration.
         """
         self = cls.__new__(cls)
-        self._read(tree, declared)
+        self._read(source, declared)
+        if "until" in source.tree.entries:
+            initial = {x: source.text(("initial", x)) for x in self.state}
+            mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
+            self.own_start = OwnStart(initial, source.word(("initial", "t"), "0"), source.text(("until",)), mode)
         return self
 
-    def _read(self, tree: MappingNode, declared: Sequence[str] = (), source: Source | None = None) -> None:
-        """Set the model; ``source``: that of a file from which it has been built before."""
-        self.tree = mapping({key: tree.entries[key] for key in MODEL_KEYS if key in tree.entries})
+    def _read(self, source: Source, declared: Sequence[str] = ()) -> None:
+        entries = source.tree.entries
+        self.tree = mapping({key: entries[key] for key in MODEL_KEYS if key in entries})
         try:
             check_form(self.tree)
             with one_at_a_time():
-                self._written, self._names = written_model(source or source_of(self.tree))
-                self.model = with_rational_exponents(self._written)
+                self._written, self.model = written_system(source), build_system(source)
         except HenonRefError as error:
             raise argument_error(error, declared) from None
-        self._begin()
 
-    def _begin(self) -> None:
-        """Set the attributes that do not follow from the description."""
-        self.state: tuple[str, ...] = self.model.state_names
-        self.own_start: OwnStart | None = None
-        self.prepared: dict[float, Any] = {}
+    @cached_property
+    def state(self) -> tuple[str, ...]:
+        return self.model.state_names
+
+    @cached_property
+    def prepared(self) -> dict[float, Any]:
+        """Prepared starts of runs, by tolerance."""
+        return {}
 
     def with_surfaces(self, surfaces: Mapping[sp.Symbol, sp.Expr]) -> System:
         """Return the system with additional surfaces, by sign, on which its field does not depend."""
         other, model = System.__new__(System), self.model
-        other.tree, other._written, other._names = self.tree, self._written, self._names
+        other.tree, other._written = self.tree, self._written
         surfaces = dict(zip(model.signs, model.surfaces, strict=True)) | dict(surfaces)
         other.model = replace(model, signs=tuple(surfaces), surfaces=tuple(surfaces.values()))
-        other._begin()
         return other
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "prepared": {}}
+        return {name: value for name, value in vars(self).items() if name != "prepared"}
 
     @property
     def initial(self) -> dict[str, Number] | None:
@@ -216,7 +220,7 @@ class System:
     @property
     def parameters(self) -> dict[str, Number]:
         """Name -> exact number; a copy. :meth:`with_parameters` returns a system with other values."""
-        return {name: python_number(value) for name, value in self._names.values.items()}
+        return {name: python_number(value) for name, value in self.model.parameter_values.items()}
 
     def with_parameters(self, parameters: Mapping[Any, Any]) -> System:
         """Return the system with other values of some parameters; parameters that depend on them are recomputed.
@@ -231,19 +235,14 @@ class System:
         HenonRefError
             If a name is not a parameter, or the system does not allow a value.
         """
-        given = tree_of(parameters, "'parameters'") if isinstance(parameters, Mapping) else None
-        if not isinstance(given, MappingNode):
-            raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
-        known = list(self._names.values)
+        given = mapping_of(parameters, "'parameters'", "parameter", self.model.parameter_values)
+        if not given.entries:
+            return self
         for name, value in given.entries.items():
-            if name not in known:
-                what = f"'{name[:60]}' is no parameter{did_you_mean(name, known)}"
-                raise ArgumentError(f"{what}; parameters: {listed(known)}")
             if isinstance(value, ScalarNode) and value.value is None:  # null would remove it
                 raise ArgumentError(f"'{name}' in 'parameters' is None; wanted a number or an expression (text)")
         key = "system" if "system" in self.tree.entries else "scene"
-        other = System.__new__(System)
-        other._read(merged(self.tree, mapping({key: mapping({"parameters": given})})))
+        other = System.from_source(source_of(merged(self.tree, mapping({key: mapping({"parameters": given})}))))
         other.own_start = self.own_start
         return other
 
@@ -261,7 +260,7 @@ class System:
         HenonRefError
             If it contains a name or function that the system does not have.
         """
-        names = {"t": TIME, **self._names.states, **self._names.parameters}
+        names = {symbol.name: symbol for symbol in (TIME, *self.model.states, *self.model.parameters)}
         return self._parsed(parse_expression, value, names, what)
 
     def number(self, value: object, what: str = "the number") -> sp.Expr:
@@ -272,7 +271,7 @@ class System:
         HenonRefError
             If the value is not a finite real number.
         """
-        return self._parsed(parse_number, value, self._names.values, what)
+        return self._parsed(parse_number, value, self.model.parameter_values, what)
 
     def _parsed(self, parse: Callable[..., sp.Expr], value: object, names: Mapping[str, sp.Expr], what: str) -> sp.Expr:
         try:
@@ -280,20 +279,17 @@ class System:
         except ExpressionError as error:
             raise ArgumentError(f"{what}: {error.message}") from None
 
-    def work(self) -> Work:
-        """Work record that holds this system as already built, for reading more keys of its tree."""
-        work = Work()
-        Source(self.tree, work=work).once("system", MODEL_KEYS, lambda: (self.model, self._names))
-        return work
+    def with_keys(self, more: Mapping[str, Node]) -> Source:
+        """Return the description with more keys of a case, such as ``until``; its system is not built again."""
+        source = Source(mapping({**self.tree.entries, **more}))
+        source.once("system", MODEL_KEYS, lambda: self.model)
+        return source
 
     @cached_property
-    def conditions(self) -> list[sp.Expr]:
+    def conditions(self) -> tuple[sp.Expr, ...]:
         """Expressions in the parameters that the scene requires to be > 0."""
-        if not Source(self.tree).has_scene:
-            return []
-        from henon_ref.system.scene import conditions
-
-        return conditions(Source(self.tree))
+        source = Source(self.tree)
+        return read_scene(source).conditions if source.has_scene else ()
 
     @cached_property
     def parameter_expressions(self) -> dict[str, sp.Expr]:
@@ -301,7 +297,8 @@ class System:
         tree = child(self.tree, ["system" if "system" in self.tree.entries else "scene", "parameters"])
         nodes = tree.entries if isinstance(tree, MappingNode) else {}
         given = {n: x.given for n, x in nodes.items() if isinstance(x, ScalarNode) and isinstance(x.value, str)}
-        return {name: parse_expression(value, self._names.parameters) for name, value in given.items()}
+        symbols = {symbol.name: symbol for symbol in self.model.parameters}
+        return {name: parse_expression(value, symbols) for name, value in given.items()}
 
     @cached_property
     def exponent_parameters(self) -> frozenset[str]:
@@ -323,13 +320,13 @@ class System:
             for i, o in sorted(model.overrides.items())
         )
         resets = tuple((i, tuple(r.map.items()), r.priority) for i, r in sorted(model.resets.items()))
-        names = tuple(self._names.values)
+        names = tuple(symbol.name for symbol in model.parameters)
         return model.states, model.signs, model.surfaces, model.field, model.valid, overrides, resets, names
 
     @cached_property
     def content(self) -> tuple[object, ...]:
         """The system with the values of its parameters, in a hashable form."""
-        return self.structure, tuple(self._names.values.values())
+        return self.structure, tuple(self.model.parameters.values())
 
     def __eq__(self, other: object) -> bool:
         return self.content == other.content if isinstance(other, System) else NotImplemented

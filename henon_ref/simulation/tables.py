@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 COLUMNS = ("time_s", "kind", "surface", "from_mode", "to_mode")
 """Columns of a table of transitions; the states follow by name."""
-_named_tuple: Any = namedtuple
-"""namedtuple without a static type: its fields depend on the system."""
 
 
 def columns_of(system: FilippovSystem, transitions: TransitionArray) -> dict[str, NDArray[Any]]:
@@ -45,7 +43,7 @@ def rows_of(system: FilippovSystem) -> Callable[[TransitionArray], Iterator[Any]
 
     Every valid state name is a valid field: it begins with a letter and is neither a Python keyword nor a column.
     """
-    make = _named_tuple("TransitionRow", (*COLUMNS, *system.state_names))._make
+    make = namedtuple("TransitionRow", (*COLUMNS, *system.state_names))._make  # type: ignore[attr-defined]
 
     def rows(transitions: TransitionArray) -> Iterator[Any]:
         return map(make, zip(*(c.tolist() for c in columns_of(system, transitions).values()), strict=True))

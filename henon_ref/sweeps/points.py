@@ -96,6 +96,8 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     """
     if isinstance(source, str | Path):
         source = read_table(Path(source))
+    if not isinstance(source, Mapping) and type(source).__name__ != "DataFrame":
+        raise ArgumentError(f"a table is a {type(source).__name__}; wanted a data frame, columns by name, or a file")
     columns = {name: numbers(source[key], f"column '{name}'") for name, key in _named(source, "a table").items()}
     lengths = {len(column) for column in columns.values()}
     if len(lengths) != 1 or 0 in lengths:
@@ -140,7 +142,7 @@ def continuation(
         raise ArgumentError(f"directions are {listed(list(map(str, directions)))}; wanted 'up', 'down', or both")
     ((name, values),) = line.items()
     path = np.concatenate([values if d == "up" else values[::-1] for d in directions])
-    across = _axes(axes, "grid") if axes else {}
+    across = {} if axes is None or (isinstance(axes, Mapping) and not axes) else _axes(axes, "grid")
     if name in across:
         raise ArgumentError(f"'{name}' is in 'along' and in the grid; leave it out of one of them")
     chains = prod(map(len, across.values()))
@@ -148,7 +150,7 @@ def continuation(
     made = np.column_stack([np.repeat(_combined(across), len(path), axis=0), np.tile(path, chains)])
     labels = {DIRECTION: np.tile(np.array([d for d in directions for _ in values], dtype=object), chains)}
     written = {"along": _written(along, line), "directions": list(directions)}
-    if axes:
+    if axes and across:
         written["grid"] = _written(axes, across)
     return Points((*across, name), made, len(path), labels, {"continuation": written})
 

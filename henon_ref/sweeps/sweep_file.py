@@ -37,7 +37,7 @@ from henon_ref.sweeps.work import Observation
 from henon_ref.system.problem import build_problem
 from henon_ref.system.source import Path as KeyPath
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node, ScalarNode, SequenceNode, child
+from henon_ref.system.tree import MappingNode, Node, ScalarNode, child, values
 
 
 def _size(value: Any) -> int:
@@ -83,7 +83,7 @@ def load_sweep(path: str | Path) -> Plan:
     source = Source(read_yaml(path, "sweep file"), str(path))
     form = read_form(SweepForm, source)
     check_model(source)
-    problem, _ = build_problem(source)
+    problem = build_problem(source)
     check_surfaces(source, problem)
     system = System.from_source(source)
     points = _points(source, system, Path(path).parent)
@@ -188,14 +188,14 @@ def _called(function: Callable[..., T], arguments: Mapping[str, Any]) -> T:
 
 def _value(source: Source, node: Node | None) -> Any:
     """Return a node as Python values, with numbers as int and float."""
-    if isinstance(node, MappingNode):
-        return {key: _value(source, entry) for key, entry in node.entries.items()}
-    if isinstance(node, SequenceNode):
-        return [_value(source, item) for item in node.items]
+
+    def of(scalar: ScalarNode) -> Any:
+        if not isinstance(scalar.value, Decimal):
+            return scalar.value
+        number = float(scalar.value)
+        if not math.isfinite(number):
+            raise source.error_at(scalar.place, f"{scalar.text} is not a finite number")
+        return number
+
     assert node is not None
-    if not isinstance(node.value, Decimal):
-        return node.value
-    number = float(node.value)
-    if not math.isfinite(number):
-        raise source.error_at(node.place, f"{node.text} is not a finite number")
-    return number
+    return values(node, of)

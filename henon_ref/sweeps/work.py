@@ -93,8 +93,8 @@ class Work:
         """Parameters that are not swept, initial values, initial time and horizon, in terms of the swept parameters."""
         system = self.system
         swept = frozenset(self.names) - frozenset(system.state)
-        exact = {symbol.name: value for symbol, value in system.model.parameters.items()}
-        own = {name: value for name, value in {**exact, **following(system, swept)}.items() if name not in swept}
+        exact = system.model.parameter_values | following(system, swept)
+        own = {name: value for name, value in exact.items() if name not in swept}
         symbols = {name: sp.Symbol(name, real=True) for name in system.parameters}
         known = {symbols[name]: value for name, value in own.items()}
         given = {name: self.initial[name] for name in system.state} | {START: self.start, UNTIL: self.until}

@@ -73,6 +73,8 @@ class Scene:
     bodies: Mapping[str, Body]
     connections: tuple[Connection, ...]
     parameters: Mapping[sp.Symbol, sp.Expr]
+    conditions: tuple[sp.Expr, ...]
+    """Expressions in the parameters; other values of the parameters are allowed if they make all of these positive."""
 
     def without(self, numbers: Collection[int]) -> Scene:
         """Return the scene without the connections of the given indices."""
@@ -117,7 +119,6 @@ class Scene:
         return found
 
     def _force(self, body: Body, without: int | None = None) -> sp.Expr:
-        """Return the sum of the forces or torques on a body, optionally without those of one connection."""
         return sp.Add(*(push for number, push in self._pushes[body.name] if number != without))
 
     def _field(self, on_surface: Mapping[sp.Symbol, sp.Expr], held: Mapping[str, sp.Expr]) -> tuple[sp.Expr, ...]:

@@ -12,7 +12,7 @@ from typing import Literal
 import sympy as sp
 
 from henon_ref.errors import CaseError
-from henon_ref.expressions.kinks import Kinks
+from henon_ref.expressions.kinks import Kinks, chosen, sgn
 from henon_ref.system.assembly import Body
 from henon_ref.system.source import Path, Source
 from henon_ref.taylor.tape import TIME
@@ -106,11 +106,13 @@ class Link:
 
     def positive_part(self, key: str) -> sp.Expr:
         """Return max(0, value) of a key that may hold states; its kinks become surfaces."""
-        return self.kinked(self.kinks.positive_part(self.values[key], self.kinked_values[key]))
+        value = self.values[key]
+        return self.kinked(self.kinks.resolved(chosen(value, value, sp.S.Zero), [*self.kinked_values[key], value]))
 
     def limited(self, expression: sp.Expr, bound: sp.Expr) -> sp.Expr:
         """Return an expression limited to [-bound, bound]; its kinks become surfaces."""
-        return self.kinked(self.kinks.limited(expression, bound))
+        above, below = bound + expression, bound - expression
+        return self.kinked(self.kinks.resolved((sgn(above) * above - sgn(below) * below) / 2, [above, below]))
 
     def kinked(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression and add the surfaces of its kinks to this connection."""
@@ -131,6 +133,11 @@ class Kind:
     """Kind of the one body that it acts on, named by ``on``. Empty if it acts between two bodies of ``between``."""
     between_given: bool = False
     """Whether it may connect two bodies of prescribed motion, on which it has no effect, but a mode."""
+
+    @property
+    def example(self) -> str:
+        """Its key for bodies, in a message."""
+        return "on: a" if self.on else "between: [a, wall]"
 
 
 # -- springs, dampers, forces: Modelica's Spring, Damper, Force, Torque ---------------------------------

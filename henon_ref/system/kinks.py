@@ -6,7 +6,9 @@ from collections.abc import Collection, Mapping, Sequence
 
 import sympy as sp
 
-from henon_ref.expressions.kinks import MAX_INNER, Kinked, Kinks, at_signs, without_signs
+from henon_ref.expressions.bounds import NOT_FINITE
+from henon_ref.expressions.evaluation import Kinked
+from henon_ref.expressions.kinks import MAX_INNER, Kinks, at_signs, without_signs
 from henon_ref.system.source import Names, Path, Source
 
 
@@ -60,7 +62,7 @@ def resolved(
     found = kinks.resolved(expression, arguments)
     for sign in kinks.used(found):
         for side in (-1, 1):
-            if found.xreplace({sign: sp.Integer(side), **kinks.parameters}).has(sp.zoo, sp.nan, sp.oo, -sp.oo):
+            if found.xreplace({sign: sp.Integer(side), **kinks.parameters}).has(*NOT_FINITE):
                 raise source.error(path, f"division by zero (where {kinks.surfaces[sign]} has the sign {side:+d})")
     return found
 

@@ -10,8 +10,9 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import MAX_SIZE
-from henon_ref.expressions.bounds import exact_sign, put
-from henon_ref.expressions.grammar import NOT_STATES, name_problem
+from henon_ref.expressions.bounds import NOT_FINITE, exact_sign, put
+from henon_ref.expressions.evaluation import Kinked
+from henon_ref.expressions.grammar import NOT_STATES, may_have_kinks, name_problem
 from henon_ref.expressions.traversal import size
 from henon_ref.modes.preparation import with_held_loops, with_rational_exponents
 from henon_ref.modes.problem import Problem
@@ -26,41 +27,38 @@ if TYPE_CHECKING:
 
 MODEL_KEYS = ("system", "scene", "sliding", "resets")
 """Keys of a case file that determine its system."""
-NO_VALUE = (sp.nan, sp.zoo, sp.oo, -sp.oo)
 PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 """Functions with a restricted domain or with poles."""
 
 
-def build_problem(source: Source) -> tuple[Problem, Names]:
-    """Return the problem of one reading of a case, and its names."""
-    system, names = source.once("system", MODEL_KEYS, lambda: _model(source))
-    start = source.number(("initial", "t"), names.values) if "t" in source.keys(("initial",)) else sp.Integer(0)
-    until = source.number(("until",), names.values)
+def build_problem(source: Source) -> Problem:
+    """Return the problem of one reading of a case."""
+    system = build_system(source)
+    values = system.parameter_values
+    start = source.number(("initial", "t"), values) if "t" in source.keys(("initial",)) else sp.Integer(0)
+    until = source.number(("until",), values)
     if exact_sign(until - start) <= 0 or float(until - start) == 0.0:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
-    problem = with_open_kinks(Problem(system, start, _initial(source, names), until))
+    problem = with_open_kinks(Problem(system, start, _initial(source, system), until))
     _check_start(source, problem)
     if source.has_scene:
         _check_stops(source, problem)
-    return replace(problem, initial_mode=_initial_mode(source, problem)), names
+    return replace(problem, initial_mode=_initial_mode(source, problem))
 
 
-def _model(source: Source) -> tuple[FilippovSystem, Names]:
-    system, names = written_model(source)
-    return with_rational_exponents(system), names
+def build_system(source: Source) -> FilippovSystem:
+    """Return the system of one reading; readings with the same model share it."""
+    return source.once("system", MODEL_KEYS, lambda: with_rational_exponents(written_system(source)))
 
 
-def written_model(source: Source) -> tuple[FilippovSystem, Names]:
-    """Return the system of one reading, with exponents as written, and its names; cached for equal readings."""
-    return source.once("written", MODEL_KEYS, lambda: _written_model(source))
+def written_system(source: Source) -> FilippovSystem:
+    """Return the system of one reading with exponents as written; readings with the same model share it."""
+    return source.once("written", MODEL_KEYS, lambda: _written_system(source))
 
 
-def _written_model(source: Source) -> tuple[FilippovSystem, Names]:
-    if source.has_scene:
-        scene, names = read_scene(source)
-        system = scene.system()
-    else:
-        system, names = _system(source)
+def _written_system(source: Source) -> FilippovSystem:
+    system = read_scene(source).system() if source.has_scene else _system(source)
+    names = Names.of(system.state_names, system.sign_names, system.parameter_values)
     overrides = {
         _plain_surface(source, names, ("sliding", sign), "a sliding mode"): _override(source, sign, names)
         for sign in source.keys(("sliding",))
@@ -77,11 +75,11 @@ def _written_model(source: Source) -> tuple[FilippovSystem, Names]:
         system = with_resting(replace(system, resets={**system.resets, **resets}))
     if len(system.surfaces) > 1:
         system = with_held_loops(system)
-    return system, names
+    return system
 
 
-def read_scene(source: Source) -> tuple[Scene, Names]:
-    """Return the scene of a case and its names; readings with the same scene share it."""
+def read_scene(source: Source) -> Scene:
+    """Return the scene of a case; readings with the same scene share it."""
     from henon_ref.system.scene import build_scene  # imported only for scenes
 
     return source.once("scene", ("scene",), lambda: build_scene(source))
@@ -90,7 +88,7 @@ def read_scene(source: Source) -> tuple[Scene, Names]:
 # -- system: and sliding:, resets: ---------------------------------------------------------------------
 
 
-def _system(source: Source) -> tuple[FilippovSystem, Names]:
+def _system(source: Source) -> FilippovSystem:
     """Return the system that a case gives as equations."""
     states = [source.text(("system", "state", i)) for i in range(source.length(("system", "state")))]
     signs, rates_given = source.keys(("system", "surfaces")), source.length(("system", "field"))
@@ -107,13 +105,12 @@ def _system(source: Source) -> tuple[FilippovSystem, Names]:
         from henon_ref.system.kinks import with_kinks  # imported only for models with kinks
 
         made, field, kinks, sections = with_kinks(source, names, surfaces, rates)
-        names = Names.of(states, [sign.name for sign in made], values)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(source.length(("system", "valid")))]
     places: dict[sp.Symbol, Path] = {x: ("system", "field", i) for i, x in enumerate(names.states.values())}
     places |= {names.signs[name]: ("system", "surfaces", name) for name in signs}
-    system = FilippovSystem(
+    return FilippovSystem(
         states=tuple(names.states.values()),
-        signs=tuple(names.signs.values()),
+        signs=tuple(made),
         surfaces=tuple(made.values()),
         field=tuple(field),
         parameters=names.exact_parameters(),
@@ -122,11 +119,9 @@ def _system(source: Source) -> tuple[FilippovSystem, Names]:
         sections=sections,
         written={s: text for s, path in places.items() if isinstance(text := source.written(path), str)},
     )
-    return system, names
 
 
-def _surface_of(source: Source, names: Names, name: str) -> tuple[sp.Expr, list[sp.Expr]]:
-    """Return a surface and the arguments of its kinks."""
+def _surface_of(source: Source, names: Names, name: str) -> Kinked:
     path: Path = ("system", "surfaces", name)
     found = names.written(source, path)
     if not found[0].free_symbols & {TIME, *names.states.values()}:
@@ -159,7 +154,6 @@ def _plain_surface(source: Source, names: Names, path: tuple[str, str], what: st
 
 
 def _resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, Reset]:
-    """Return the jumps of the state, by the index of their surface."""
     resets = {}
     for sign in source.keys(("resets",)):
         path = ("resets", sign)
@@ -176,7 +170,9 @@ def _resets(source: Source, names: Names, system: FilippovSystem) -> dict[int, R
             place = (*path, "map", name)
             if name not in names.states:
                 raise source.unknown(place, f"'{name}' is not a state", "states", names.states)
-            if source.has_kinks(place):
+            with source.at(place):
+                has_kinks = may_have_kinks(source.text(place))
+            if has_kinks:
                 raise source.error(
                     place,
                     f"in '{name}': a map must have no kinks and no signs: write the branch that applies when the "
@@ -213,16 +209,17 @@ def _wrong_length(rates: int, states: Collection[str]) -> str:
 # -- the start ------------------------------------------------------------------------------------------
 
 
-def _initial(source: Source, names: Names) -> tuple[sp.Expr, ...]:
+def _initial(source: Source, system: FilippovSystem) -> tuple[sp.Expr, ...]:
+    states = system.state_names
     given = [name for name in source.keys(("initial",)) if name not in NOT_STATES]
     for name in given:
-        if name not in names.states:
-            raise source.unknown(("initial", name), f"'{name}' is not a state", "states", names.states)
-    missing = [name for name in names.states if name not in given]
+        if name not in states:
+            raise source.unknown(("initial", name), f"'{name}' is not a state", "states", states)
+    missing = [name for name in states if name not in given]
     if missing:
         message = f"'initial' lacks the state {listed(missing)}; give every state its value"
         raise source.error(("initial",), message, key=True)
-    return tuple(source.number(("initial", name), names.values) for name in names.states)
+    return tuple(source.number(("initial", name), system.parameter_values) for name in states)
 
 
 def _check_start(source: Source, problem: Problem) -> None:
@@ -235,7 +232,7 @@ def _check_start(source: Source, problem: Problem) -> None:
             value = _at_start(problem, expression)
         except ModelError as error:
             raise source.error(("initial",), f"{what} has no value at the start: {error}", key=True) from error
-        if not (value.has(*NO_VALUE) or value.is_real is False):
+        if not (value.has(*NOT_FINITE) or value.is_real is False):
             continue
         surfaces = problem.system.surfaces
         if expression in surfaces and surfaces.index(expression) in problem.system.unused_kinks(_sides(problem)):
@@ -268,7 +265,7 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
         return False
     value = _at_start(problem, expression)
     ends = (_at_start(problem, p.base) == 0 for p in powers if not p.exp.is_Integer and p.base.free_symbols)
-    return value.has(*NO_VALUE) or value.is_real is False or any(ends)
+    return value.has(*NOT_FINITE) or value.is_real is False or any(ends)
 
 
 def _check_stops(source: Source, problem: Problem) -> None:
@@ -326,4 +323,4 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
 
 def _side_at_start(problem: Problem, expression: sp.Expr) -> int:
     value = _at_start(problem, expression)
-    return 0 if value.has(*NO_VALUE) else exact_sign(value)
+    return 0 if value.has(*NOT_FINITE) else exact_sign(value)

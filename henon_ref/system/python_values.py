@@ -6,11 +6,11 @@ A system from Python is thus checked by the same code as one from a file (:mod:`
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Integral, Rational, Real
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -21,34 +21,15 @@ from henon_ref.expressions.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH,
 from henon_ref.expressions.operations import Work, spelled_out
 from henon_ref.expressions.traversal import size
 from henon_ref.system.source import Source
-from henon_ref.system.tree import MappingNode, Node, Place, ScalarNode, SequenceNode, child
-from henon_ref.text import shortened
+from henon_ref.system.tree import NOWHERE, MappingNode, Node, Place, ScalarNode, SequenceNode, child, mapping, sequence
+from henon_ref.text import did_you_mean, listed, shortened
 
-NOWHERE = Place(0, 0)
-"""Place of values from Python, which have no line in a file."""
 MOST_ENTRIES = 10_000
 """Largest number of entries of a list or mapping."""
 DEEPEST = 8
 """Largest nesting depth of lists and mappings."""
 Number = int | Fraction | Any
 """Exact number: integer, rational, or a SymPy number such as ``sqrt(3)/9``."""
-_OTHER = "wanted a number (int, float, Fraction), text or a SymPy expression"
-
-
-class OwnStart(NamedTuple):
-    """Start and horizon of a case's reading, as written in the file."""
-
-    initial: dict[str, str]
-    start: str
-    until: str
-    mode: dict[str, int]
-
-    @classmethod
-    def of(cls, source: Source, states: Sequence[str]) -> OwnStart:
-        """Start and horizon of a reading."""
-        start = source.word(("initial", "t"), "0")
-        mode = {name: int(source.text(("initial", "mode", name))) for name in source.keys(("initial", "mode"))}
-        return cls({x: source.text(("initial", x)) for x in states}, start, source.text(("until",)), mode)
 
 
 def written_name(value: object, what: str) -> str:
@@ -70,17 +51,16 @@ def written(value: object, what: str) -> str:
         return str(value)
     if isinstance(value, sp.Expr):
         return spelled_out(value)
-    if isinstance(value, bool):
-        raise ArgumentError(f"{what} is {value}; {_OTHER}")
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal):
+        wanted = "wanted a number (int, float, Fraction), text or a SymPy expression"
+        raise ArgumentError(f"{what} is {_shown(value)}; {wanted}")
     if isinstance(value, Rational):
         if max(int(value.numerator).bit_length(), int(value.denominator).bit_length()) > LONGEST_WHOLE:
             raise ArgumentError(f"{what} is a number of more than {MAX_DIGITS} digits")
         return str(int(value)) if isinstance(value, Integral) else f"{value.numerator}/{value.denominator}"
-    if isinstance(value, Real | Decimal):
-        if not math.isfinite(value):
-            raise ArgumentError(f"{what} is {value}; a number must be finite")
-        return str(value) if isinstance(value, Decimal) else float.__repr__(float(value))
-    raise ArgumentError(f"{what} is {_shown(value)}; {_OTHER}")
+    if not math.isfinite(value):
+        raise ArgumentError(f"{what} is {value}; a number must be finite")
+    return str(value) if isinstance(value, Decimal) else float.__repr__(float(value))
 
 
 def as_given(value: object, what: str) -> Written:
@@ -130,15 +110,21 @@ def tree_of(value: object, what: str, depth: int = 0, place: Place = NOWHERE) ->
     return ScalarNode(place, Decimal(found) if isinstance(value, float | Decimal) else found, found, None)
 
 
-def mapping(entries: Mapping[str, Node], place: Place = NOWHERE) -> MappingNode:
-    """Return a mapping node; each key has the place of its value."""
-    keys = {key: entry.place for key, entry in entries.items()}
-    return MappingNode(place, entries, keys, 1 + sum(entry.size for entry in entries.values()))
+def mapping_of(
+    value: object, what: str, kind: str = "", known: Collection[str] = (), example: str = "{name: value}"
+) -> MappingNode:
+    """Return a mapping as a node (:func:`tree_of`); ArgumentError if it is none.
 
-
-def sequence(items: Sequence[Node], place: Place = NOWHERE) -> SequenceNode:
-    """Return a sequence node."""
-    return SequenceNode(place, tuple(items), 1 + sum(item.size for item in items))
+    ``kind``: what its names are, such as ``parameter``, if only ``known`` names are allowed.
+    """
+    if not isinstance(value, Mapping):
+        raise ArgumentError(f"{what} must be a mapping, as in {example}")
+    node = tree_of(value, what)
+    assert isinstance(node, MappingNode)
+    for name in node.entries if kind else ():
+        if name not in known:
+            raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
+    return node
 
 
 def python_number(number: sp.Expr) -> Number:
@@ -162,7 +148,6 @@ def source_of(tree: MappingNode) -> Source:
 
 
 def _shown(value: object) -> str:
-    """Return the beginning of a value's repr."""
     try:
         return shortened(repr(value))[1:-1]
     except Exception:  # noqa: BLE001 - a foreign __repr__ may raise anything

@@ -5,25 +5,23 @@ Only the connections named in the scene become part of the equations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
-from typing import TypeVar
+from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
 from henon_ref.expressions.bounds import exact_sign
+from henon_ref.expressions.evaluation import FIELD, SMOOTH, Kinked
 from henon_ref.expressions.grammar import MAX_STATES, NAME, name_problem
 from henon_ref.expressions.kinks import Kinks
 from henon_ref.expressions.operations import names_in
 from henon_ref.system.assembly import Body, BodyKind, Connection, Scene
 from henon_ref.system.connections import KINDS, Key, Kind, Link, Range
 from henon_ref.system.kinks import check_kinks, resolved
-from henon_ref.system.source import WITH_VALUES, Names, Path, Source
-from henon_ref.system.tree import MappingNode, ScalarNode, SequenceNode, child
+from henon_ref.system.source import WITH_VALUES, Path, Source
+from henon_ref.system.tree import MappingNode, ScalarNode, child
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
-T = TypeVar("T")
 KEYS: Mapping[str, tuple[BodyKind, str]] = {
     "mass": ("mass", "kg"),
     "inertia": ("rotor", "kg m^2"),
@@ -40,18 +38,7 @@ _KINK = "a kink"
 """Owner of the name of a kink, which several connections may share."""
 
 
-def build_scene(source: Source) -> tuple[Scene, Names]:
-    """Build the scene of a case file."""
-    return _read(source)[1]
-
-
-def conditions(source: Source) -> list[sp.Expr]:
-    """Return expressions in the parameters of a scene; parameter values that make all of them positive are allowed."""
-    reader, _ = _read(source)
-    return [*reader.wanted, *reader.kinks.conditions]
-
-
-def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
+def build_scene(source: Source) -> Scene:
     """Read a scene; once more with its surfaces known if a kink equals the surface of a later connection."""
     reader = _Reader(source)
     found = reader.scene()
@@ -61,7 +48,7 @@ def _read(source: Source) -> tuple[_Reader, tuple[Scene, Names]]:
         for sign, surface in declared.items():
             reader.kinks.declare(sign, surface)
         found = reader.scene()
-    return reader, found
+    return found
 
 
 class _Reader:
@@ -78,7 +65,7 @@ class _Reader:
         self.states: dict[str, sp.Symbol] = {}
         self.kinks = Kinks({self.symbols[name]: value for name, value in self.values.items()})
 
-    def scene(self) -> tuple[Scene, Names]:
+    def scene(self) -> Scene:
         self.bodies = self._read_bodies()
         self.states = {x.name: x for body in self.bodies.values() for x in body.states}
         if not self.states:
@@ -87,18 +74,15 @@ class _Reader:
         self._check_size("bodies", "states", len(self.states))
         owners = dict.fromkeys(self.states, "a state") | dict.fromkeys(self.values, "a parameter")
         owners |= {name: owners.get(name, "a body") for name in self.bodies}
-        found, signs = [], []
-        node = child(self.source.tree, CONNECTIONS)
-        for number in range(len(node.items) if isinstance(node, SequenceNode) else 0):
+        found = []
+        for number in range(self.source.length(CONNECTIONS)):
             link = self._link(number)
             self._claim(link, owners)
             ends, surfaces = tuple(body.name for body in link.ends), link.surfaces | link.shared
             kinks = self.kinks.surfaces.keys() & surfaces.keys()
             found.append(Connection(link.kind, ends, link.name, link.pushes, surfaces, kinks, link.holds, link.impacts))
-            signs += [sign.name for sign in surfaces]
-        self._check_size("connections", "surfaces", len(set(signs)))
-        names = Names.of(list(self.states), list(dict.fromkeys(signs)), self.values)
-        return Scene(self.bodies, tuple(found), names.exact_parameters()), names
+        self._check_size("connections", "surfaces", len({sign for each in found for sign in each.surfaces}))
+        return Scene(self.bodies, tuple(found), self.kinks.parameters, (*self.wanted, *self.kinks.conditions))
 
     def _check_size(self, key: str, what: str, number: int) -> None:
         if number > MAX_STATES:
@@ -106,7 +90,6 @@ class _Reader:
             raise self.source.error(("scene", key), message, key=True)
 
     def _claim(self, link: Link, owners: dict[str, str]) -> None:
-        """Claim the names of the connection, which must be unique."""
         kinks = {sign.name for sign in self.kinks.surfaces}
         for name in dict.fromkeys([*([link.name] if link.name else []), *(sign.name for sign in link.surfaces)]):
             if name in kinks and owners.get(name) == _KINK:
@@ -128,7 +111,7 @@ class _Reader:
 
     def _constant(self, path: Path, what: str, allowed: Range) -> sp.Expr:
         """Read an expression in the parameters and check the range of its value."""
-        expression = self.source.expression(path, self.symbols)
+        expression, _ = self.source.expression(path, self.symbols, SMOOTH)
         value = self.source.number(path, self.values)
         if allowed == "positive":
             self._want(expression, value, path, f"{what} must be larger than 0", above=True)
@@ -138,10 +121,10 @@ class _Reader:
             self._want(1 - expression, 1 - value, path, f"{what} must be at most 1")
         return expression
 
-    def _moving(self, read: Callable[..., T], path: Path, states: Mapping[str, sp.Expr] = MappingProxyType({})) -> T:
+    def _moving(self, path: Path, functions: Mapping[str, int], states: Mapping[str, sp.Expr]) -> Kinked:
         """Read an expression in time, parameters and states; check it with the parameters' values, too."""
-        found = read(path, {**self.symbols, "t": TIME, **states})
-        read(path, {**self.values, "t": TIME, **states}, WITH_VALUES)
+        found = self.source.expression(path, {**self.symbols, "t": TIME, **states}, functions)
+        self.source.expression(path, {**self.values, "t": TIME, **states}, functions, WITH_VALUES)
         return found
 
     def _read_bodies(self) -> dict[str, Body]:
@@ -164,7 +147,6 @@ class _Reader:
         return bodies
 
     def _body_of(self, path: Path) -> Body:
-        """Read one body."""
         name, source = str(path[-1]), self.source
         node = child(source.tree, path)
         if isinstance(node, ScalarNode) and node.value == "fixed":
@@ -198,21 +180,21 @@ class _Reader:
         name, kind, source = str(path[-1]), KEYS[key][0], self.source
         if kind == "fixed":
             source.number((*path, key), self.values)
-            return Body(name, kind, source.expression((*path, key), self.symbols), sp.Integer(0))
-        given = self._moving(source.expression, (*path, key))
+            return Body(name, kind, source.expression((*path, key), self.symbols, SMOOTH)[0], sp.Integer(0))
+        given, _ = self._moving((*path, key), SMOOTH, {})
         return Body(name, kind, None, given) if key == "velocity" else Body(name, kind, given, sp.diff(given, TIME))
 
     def _state_names(self, path: Path, kind: BodyKind) -> tuple[str, str]:
         """Return the state names that a body gives, or the default ones made of its own name."""
-        node = child(self.source.tree, (*path, "states"))
+        path = (*path, "states")
+        node = child(self.source.tree, path)
         if node is None:
             position, velocity = STATE_NAMES[kind]
-            return f"{position}_{path[-1]}", f"{velocity}_{path[-1]}"
-        names = [x.text for x in node.items if isinstance(x, ScalarNode)] if isinstance(node, SequenceNode) else []
-        if len(names) != 2 or not isinstance(node, SequenceNode) or len(node.items) != 2:
+            return f"{position}_{path[-2]}", f"{velocity}_{path[-2]}"
+        if self.source.length(path) != 2 or not all(isinstance(child(node, (i,)), ScalarNode) for i in range(2)):
             which = "angle and angular velocity" if kind == "rotor" else "position and velocity"
-            raise self.source.error((*path, "states"), f"'states' must be two names, as in [x1, x2]: {which}")
-        return names[0], names[1]
+            raise self.source.error(path, f"'states' must be two names, as in [x1, x2]: {which}")
+        return self.source.plain((*path, 0)), self.source.plain((*path, 1))
 
     # -- one connection ---------------------------------------------------------------------------------
 
@@ -228,8 +210,7 @@ class _Reader:
         kind = KINDS[name]
         own = child(self.source.tree, path)
         if not isinstance(own, MappingNode):
-            example = "on: a" if kind.on else "between: [a, wall]"
-            raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{example}, ...}}")
+            raise self.source.error(path, f"'{name}' must be a mapping of its keys, as in {{{kind.example}, ...}}")
         self._check_keys(path, kind, own)
         ends = self._on(path, name, kind) if kind.on else self._between(path, name)
         link = Link(name, ends, self.source, path, self._name(path, own), self.kinks)
@@ -244,11 +225,9 @@ class _Reader:
         known = ["on" if kind.on else "between", *(key.name for key in kind.keys), "name"]
         for key in own.entries:
             if key not in known:
-                message = f"'{path[-1]}' has no key '{key}'{did_you_mean(key, known)}; allowed: {listed(known)}"
-                raise self.source.error((*path, key), message, key=True)
+                raise self.source.unknown((*path, key), f"'{path[-1]}' has no key '{key}'", "allowed", known)
         if known[0] not in own.entries:
-            example = "on: a" if kind.on else "between: [a, wall]"
-            raise self.source.error(path, f"'{path[-1]}' requires '{known[0]}', as in {example}", key=True)
+            raise self.source.error(path, f"'{path[-1]}' requires '{known[0]}', as in {kind.example}", key=True)
 
     def _name(self, path: Path, own: MappingNode) -> str | None:
         node = own.entries.get("name")
@@ -259,8 +238,7 @@ class _Reader:
         return node.text
 
     def _body(self, path: Path) -> Body:
-        node = child(self.source.tree, path)
-        name = node.text if isinstance(node, ScalarNode) else ""
+        name = self.source.plain(path)
         if name not in self.bodies:
             message = f"unknown body '{name}'{did_you_mean(name, self.bodies)}; bodies: {listed(self.bodies)}"
             raise self.source.error(path, message)
@@ -276,8 +254,7 @@ class _Reader:
 
     def _between(self, path: Path, name: str) -> tuple[Body, ...]:
         path = (*path, "between")
-        node = child(self.source.tree, path)
-        if not isinstance(node, SequenceNode) or len(node.items) != 2:
+        if self.source.length(path) != 2:
             raise self.source.error(path, "'between' must name two bodies, as in [a, wall]")
         p, q = (self._body((*path, i)) for i in range(2))
         if p is q:
@@ -302,8 +279,7 @@ class _Reader:
                 raise link.error(f"{link.kind} requires the key {what}{_choice(key.words)}")
             return
         if key.words:
-            node = child(self.source.tree, path)
-            word = node.text if isinstance(node, ScalarNode) else ""
+            word = self.source.plain(path)
             if word not in key.words:
                 message = f"unknown {key.name} '{word}'{did_you_mean(word, key.words)}{_choice(key.words)}"
                 raise self.source.error(path, message)
@@ -314,7 +290,7 @@ class _Reader:
         if key.of == "parameters":
             link.values[key.name] = self._constant(path, what, key.range)
             return
-        written = self._moving(self.source.field, path, self.states if key.of == "states" else {})
+        written = self._moving(path, FIELD, self.states if key.of == "states" else {})
         if key.of == "time":  # kinks and jumps become surfaces
             link.values[key.name] = link.kinked(resolved(self.source, path, self.kinks, written))
         else:

@@ -14,17 +14,15 @@ import sympy as sp
 from henon_ref.errors import CaseError, ExpressionError
 from henon_ref.expressions.evaluation import (
     FIELD,
-    KINKED,
     NUMBER,
     SMOOTH,
+    Kinked,
     Written,
     check_sides,
-    parse_expression,
-    parse_field,
-    parse_number,
+    evaluated,
     read,
 )
-from henon_ref.expressions.grammar import MAX_STATES, may_have_kinks, name_problem
+from henon_ref.expressions.grammar import MAX_STATES, name_problem
 from henon_ref.expressions.operations import Work, key_of, overlaid
 from henon_ref.system.tree import MappingNode, Place, ScalarNode, SequenceNode, child, locate
 from henon_ref.taylor.tape import TIME
@@ -67,6 +65,11 @@ class Source:
         # In an expression, a number is decimal; hexadecimal and octal numbers of YAML are converted.
         return str(node.value) if isinstance(node.value, int) and node.text[:2] in ("0x", "0o") else node.text
 
+    def plain(self, path: Path) -> str:
+        """Return the text of a scalar; empty if there is none."""
+        node = child(self.tree, path)
+        return node.text if isinstance(node, ScalarNode) else ""
+
     def keys(self, path: Path) -> list[str]:
         """Return the keys of a mapping; empty if there is no mapping."""
         node = child(self.tree, path)
@@ -84,41 +87,31 @@ class Source:
 
     def word(self, path: Path, default: str) -> str:
         """Return the text of a scalar, or a default if it is absent."""
-        node = child(self.tree, path)
-        return default if node is None else self.text(path)
+        return default if child(self.tree, path) is None else self.text(path)
 
     def written(self, path: Path) -> Written:
         """Return an expression as given: text, or SymPy."""
         node = child(self.tree, path)
         return self.text(path) if not isinstance(node, ScalarNode) or isinstance(node.given, str) else node.given
 
-    def has_kinks(self, path: Path) -> bool:
-        """Check whether an expression has a function with a kink or a jump."""
-        written = self.written(path)
-        return may_have_kinks(written) if isinstance(written, str) else written.has(*KINKED)
-
-    def expression(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> sp.Expr:
-        """Read a smooth expression (see :func:`henon_ref.expressions.evaluation.parse_expression`)."""
+    def expression(
+        self, path: Path, names: Mapping[str, sp.Expr], functions: Mapping[str, int], note: str = ""
+    ) -> Kinked:
+        """Read an expression (see :func:`henon_ref.expressions.evaluation.evaluated`)."""
         with self.at(path, note):
-            return parse_expression(self.written(path), names, self.work)
-
-    def field(self, path: Path, names: Mapping[str, sp.Expr], note: str = "") -> tuple[sp.Expr, list[sp.Expr]]:
-        """Read a component of a field, which may have kinks (:func:`henon_ref.expressions.evaluation.parse_field`)."""
-        with self.at(path, note):
-            return parse_field(self.written(path), names, self.work)
+            return evaluated(self.written(path), names, self.work, functions)
 
     def number(self, path: Path, names: Mapping[str, sp.Expr]) -> sp.Expr:
         """Read an expression whose value is a number (see :func:`henon_ref.expressions.evaluation.parse_number`)."""
-        with self.at(path):
-            return parse_number(self.written(path), names, self.work)
+        return self.expression(path, names, NUMBER)[0]
 
     def once(self, what: str, keys: Sequence[str], build: Callable[[], T]) -> T:
         """Return what ``build`` returns for the values of some top-level keys, cached for equal readings."""
         nodes = tuple(self.tree.entries.get(key) for key in keys)
-        known = (what, *map(id, nodes))
-        if known not in self.work.built:
-            self.work.built[known] = nodes, build()  # keep the nodes alive: their ids are part of the key
-        found: T = self.work.built[known][1]
+        key, known = (what, *map(id, nodes)), self.work.known
+        if key not in known:
+            known[key] = nodes, build()  # keep the nodes alive: their ids are part of the key
+        found: T = known[key][1]
         return found
 
     @contextmanager
@@ -170,40 +163,30 @@ class Names:
 
     @classmethod
     def of(cls, states: Sequence[str], signs: Sequence[str], values: Mapping[str, sp.Expr]) -> Names:
-        """Create a real symbol for each name."""
         return cls(_symbols(states), _symbols(signs), _symbols(list(values)), values)
 
     def exact_parameters(self) -> dict[sp.Symbol, sp.Expr]:
-        """Return parameter symbol -> exact value."""
         return {symbol: self.values[name] for name, symbol in self.parameters.items()}
 
     def smooth(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> sp.Expr:
-        """Read a smooth expression in time, states, parameters and some signs.
+        """Read a smooth expression in time, states, parameters and some signs."""
+        return self.written(source, path, signs=signs, functions=SMOOTH)[0]
+
+    def written(
+        self, source: Source, path: Path, *, signs: Sequence[str] = (), functions: Mapping[str, int] = FIELD
+    ) -> Kinked:
+        """Read an expression in time, states, parameters and some signs, which may have kinks.
 
         It is also evaluated with the values of the parameters, and with each sign at -1 and +1, to find a division by
         zero or a giant power here, with its place in the file, instead of during a run.
         """
-        return self._checked(source, path, signs, source.expression, SMOOTH)
-
-    def written(self, source: Source, path: Path, *, signs: Sequence[str] = ()) -> tuple[sp.Expr, list[sp.Expr]]:
-        """Read an expression that may have kinks, with their arguments; checked as in :meth:`smooth`."""
-        return self._checked(source, path, signs, source.field, FIELD)
-
-    def _checked(
-        self,
-        source: Source,
-        path: Path,
-        signs: Sequence[str],
-        worked_out: Callable[..., T],
-        functions: Mapping[str, int],
-    ) -> T:
         own = {name: self.signs[name] for name in signs}
-        found = worked_out(path, overlaid(own, self._symbols))
+        found = source.expression(path, overlaid(own, self._symbols), functions)
         if self._is_new(source, path, functions):
             if self.values:
-                worked_out(path, overlaid(own, self._numbers), WITH_VALUES)
+                source.expression(path, overlaid(own, self._numbers), functions, WITH_VALUES)
             with source.at(path):
-                check_sides(source.written(path), self._numbers, own, source.work, kinks=functions is FIELD)
+                check_sides(source.written(path), self._numbers, own, source.work, functions)
         return found
 
     def _is_new(self, source: Source, path: Path, functions: Mapping[str, int]) -> bool:

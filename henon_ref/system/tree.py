@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import sympy as sp
@@ -21,6 +21,10 @@ class Place:
 
     line: int
     column: int
+
+
+NOWHERE = Place(0, 0)
+"""Place of values from Python, which have no line in a file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,21 +72,34 @@ class MappingNode:
 Node = ScalarNode | SequenceNode | MappingNode
 
 
+def mapping(
+    entries: Mapping[str, Node], place: Place = NOWHERE, keys: Mapping[str, Place] | None = None
+) -> MappingNode:
+    """Return a mapping; by default each key has the place of its value."""
+    keys = {key: entry.place for key, entry in entries.items()} if keys is None else keys
+    return MappingNode(place, entries, keys, 1 + sum(entry.size for entry in entries.values()))
+
+
+def sequence(items: Sequence[Node], place: Place = NOWHERE) -> SequenceNode:
+    return SequenceNode(place, tuple(items), 1 + sum(item.size for item in items))
+
+
 def to_python(node: Node) -> PythonValue:
     """Return the tree as Python values: dict, list, str, int, Decimal, bool, None."""
-    return _values(node, lambda scalar: scalar.value)
+    return values(node, lambda scalar: scalar.value)
 
 
 def as_written(node: Node) -> PythonValue:
     """Return the tree as values for a file: as :func:`to_python`, but non-integers as text with all digits."""
-    return _values(node, lambda n: n.value if n.value is None or isinstance(n.value, bool | int) else n.text)
+    return values(node, lambda n: n.value if n.value is None or isinstance(n.value, bool | int) else n.text)
 
 
-def _values(node: Node, of: Callable[[ScalarNode], Scalar]) -> PythonValue:
+def values(node: Node, of: Callable[[ScalarNode], Any]) -> Any:
+    """Return the tree as dictionaries and lists of what ``of`` returns for its scalars."""
     if isinstance(node, MappingNode):
-        return {key: _values(value, of) for key, value in node.entries.items()}
+        return {key: values(value, of) for key, value in node.entries.items()}
     if isinstance(node, SequenceNode):
-        return [_values(item, of) for item in node.items]
+        return [values(item, of) for item in node.items]
     return of(node)
 
 
@@ -135,4 +152,4 @@ def merged(base: MappingNode, overrides: MappingNode) -> MappingNode:
             continue
         keys[name] = overrides.keys[name]
         entries[name] = merged(old, new) if isinstance(old, MappingNode) and isinstance(new, MappingNode) else new
-    return MappingNode(overrides.place, entries, keys, 1 + sum(e.size for e in entries.values()))
+    return mapping(entries, overrides.place, keys)

@@ -10,7 +10,7 @@ import sympy as sp
 import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import ExpressionError
-from henon_ref.expressions.evaluation import parse_field
+from henon_ref.expressions.evaluation import FIELD, evaluated
 from henon_ref.expressions.kinks import Kinks
 from henon_ref.expressions.operations import Work
 
@@ -21,7 +21,7 @@ NAMES = {"x": X, "v": V, "t": T, "k": K}
 
 def read(*texts: str) -> tuple[list[sp.Expr], dict[sp.Symbol, sp.Expr]]:
     kinks = Kinks({K: sp.Integer(-2)})
-    found = [kinks.resolved(*parse_field(text, NAMES, Work())) for text in texts]
+    found = [kinks.resolved(*evaluated(text, NAMES, Work(), FIELD)) for text in texts]
     return found, kinks.surfaces
 
 
@@ -94,7 +94,7 @@ def test_kinks_of_kinks_are_branches_whose_values_are_right(text: str) -> None:
 )
 def test_what_cannot_be_read_is_refused_with_its_place(text: str, offset: int, says: str) -> None:
     with pytest.raises(ExpressionError) as caught:
-        parse_field(text, NAMES, Work())
+        evaluated(text, NAMES, Work(), FIELD)
     assert says in caught.value.message
     assert caught.value.offset == offset
 
@@ -110,7 +110,7 @@ def test_what_cannot_be_read_is_refused_with_its_place(text: str, offset: int, s
 )
 def test_a_value_on_a_surface_that_neither_side_has_is_refused(text: str) -> None:
     with pytest.raises(ExpressionError, match=r"where v is 0, this expression is 2.*'static'"):
-        parse_field(text, NAMES, Work())
+        evaluated(text, NAMES, Work(), FIELD)
 
 
 TAKEN = {

@@ -46,7 +46,7 @@ def rebuilt(written: dict) -> hr.Scene:
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_every_shipped_scene_declared_by_calls_is_the_system_of_its_file(path: Path) -> None:
     sources = reading_sources(Source(read_yaml(path)))
-    reading, scene = next((name, found) for name, source in sources if (found := child(source.tree, ["scene"])))
+    reading, scene = next((name, found) for name, source in sources.items() if (found := child(source.tree, ["scene"])))
     written = to_python(scene)
     if path.stem != "burridge_knopoff":  # 64 blocks of one kind, see three of them
         assert rebuilt(written).system() == hr.System.from_case(path, reading)

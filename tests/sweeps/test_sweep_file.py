@@ -9,7 +9,7 @@ import pytest
 from sweep_systems import SWEEP, assert_same, belt, collected
 
 from henon_ref.errors import CaseError
-from henon_ref.sweeps import observe
+from henon_ref.sweeps import observe, sweep_file
 from henon_ref.sweeps.sweep import sweep
 from henon_ref.sweeps.sweep_file import load_sweep
 
@@ -35,6 +35,12 @@ def test_a_file_says_what_arguments_say(tmp_path: Path) -> None:
         jobs=1,
     )
     assert_same(collected(plan), table)
+
+
+def test_its_system_is_built_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    built, build = [], sweep_file.build_problem
+    monkeypatch.setattr(sweep_file, "build_problem", lambda source: built.append(build(source)) or built[0])
+    assert load_sweep(written(tmp_path, SWEEP)).work.system.model is built[0].system
 
 
 POINTS = SWEEP[SWEEP.index("points:") : SWEEP.index("observe:")]

@@ -69,6 +69,12 @@ def test_what_is_no_table_is_refused(given: object) -> None:
         points_of(given)
 
 
+@pytest.mark.parametrize("given", [np.ones((2, 2)), pd.Series({"x": 1.0}), [1.0], 3, None])
+def test_what_has_no_columns_by_name_is_no_table(given: object) -> None:
+    with pytest.raises(ArgumentError, match=r"^a table is a .*; wanted a data frame, columns by name, or a file"):
+        table(given)
+
+
 def test_a_file_that_is_no_table_is_refused(tmp_path) -> None:
     (tmp_path / "x.parquet").write_bytes(b"PAR1 nothing")
     (tmp_path / "x.csv").write_text("a,b\nx,1\n")

@@ -15,8 +15,8 @@ from henon_ref.modes.switched_field import Release
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system import connections
 from henon_ref.system.connections import KINDS
-from henon_ref.system.scene import build_scene, conditions
-from henon_ref.system.source import Names, Source
+from henon_ref.system.scene import build_scene
+from henon_ref.system.source import Source
 from henon_ref.taylor.tape import TIME, build_tape
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -29,7 +29,7 @@ STATES = ("x_a", "v_a", "x_b", "v_b", "phi_r", "omega_r", "phi_q", "omega_q")
 AT_REST = ("v_a", "0", "v_b", "0", "omega_r", "0", "omega_q", "0")
 
 
-def read(connections: str, bodies: str = BODIES, parameters: str = PARAMETERS) -> tuple[FilippovSystem, Names]:
+def read(connections: str, bodies: str = BODIES, parameters: str = PARAMETERS) -> FilippovSystem:
     text = f"""\
 schema: 1
 name: scene
@@ -44,8 +44,7 @@ until: 1
     tree = parse_yaml(text, file="case.yaml")
     source = Source(tree, "case.yaml")
     read_form(CaseForm, source)
-    scene, names = build_scene(source)
-    return scene.system(), names
+    return build_scene(source).system()
 
 
 def written(field: dict[str, str], surfaces: dict[str, str]) -> FilippovSystem:
@@ -208,7 +207,7 @@ EVERY = [
 def test_what_is_named_is_built_and_nothing_else(
     connections: str, field: dict[str, str], surfaces: dict[str, str]
 ) -> None:
-    system, _ = read(connections)
+    system = read(connections)
     by_hand = written(field, surfaces)
     assert system.state_names == STATES
     assert dict(zip(system.sign_names, system.surfaces, strict=True)) == {
@@ -270,7 +269,7 @@ XA, VA, XB, VB, m, M, k, F, G, w, u = sp.symbols("x_a v_a x_b v_b m M k F G w u"
 def held(between: str) -> FilippovSystem:
     bodies = "{a: {mass: m}, b: {mass: M}, wall: fixed, motor: {velocity: w*t}}"
     springs = "spring: {between: [a, wall], stiffness: k}, spring: {between: [b, wall], stiffness: u}"
-    return read(f"{springs}, friction: {{between: {between}, law: coulomb, force: F, static: G}}", bodies)[0]
+    return read(f"{springs}, friction: {{between: {between}, law: coulomb, force: F, static: G}}", bodies)
 
 
 def test_static_friction_holds_up_to_its_force_and_lets_go_to_both_sides() -> None:
@@ -298,12 +297,12 @@ def test_two_masses_that_hold_each_other_move_as_one() -> None:
 
 def test_friction_that_slides_with_its_static_force_at_rest_holds_by_filippov_s_rule() -> None:
     bodies = "{a: {mass: m}, wall: fixed}"
-    system, _ = read("friction: {between: [a, wall], law: stribeck_exp, force: F, static: G, velocity: 1}", bodies)
+    system = read("friction: {between: [a, wall], law: stribeck_exp, force: F, static: G, velocity: 1}", bodies)
     assert not system.overrides
 
 
 def test_without_friction_and_stops_there_is_no_surface() -> None:
-    system, _ = read("spring: {between: [a, wall], stiffness: k}, damper: {between: [a, belt], coefficient: c}")
+    system = read("spring: {between: [a, wall], stiffness: k}, damper: {between: [a, belt], coefficient: c}")
     assert (system.surfaces, system.signs) == ((), ())
 
 
@@ -311,13 +310,13 @@ def test_a_load_of_parameters_alone_has_no_kink_and_one_below_0_counts_as_0() ->
     bodies = "{a: {mass: m}, wall: fixed}"
     friction = "friction: {{between: [a, wall], law: coulomb, force: F, normal: {}}}"
     s = sp.Symbol("s_a_wall", real=True)
-    assert read(friction.format("G"), bodies)[0].field[1] == -F * G * s / m
-    assert read(friction.format("-G"), bodies)[0].field == (VA, 0)
+    assert read(friction.format("G"), bodies).field[1] == -F * G * s / m
+    assert read(friction.format("-G"), bodies).field == (VA, 0)
 
 
 def test_loads_that_are_equal_share_their_kink() -> None:
     friction = "friction: {{between: [{}, wall], law: coulomb, force: F, normal: {}}}"
-    system, _ = read(
+    system = read(
         ", ".join(friction.format(*each) for each in (("a", "x_r"), ("b", "x_r"), ("r2", "x_a")))
         .replace("x_r", "1 - x_b")
         .replace("r2", "b, name: rub")
@@ -331,4 +330,4 @@ def test_what_a_scene_wants_of_its_parameters() -> None:
         "scene: {parameters: {m: 1, F: 1, G: 2}, bodies: {a: {mass: m}, wall: fixed}, "
         "connections: [friction: {between: [a, wall], law: coulomb, force: F, static: G}]}"
     )
-    assert conditions(Source(tree)) == [m, F, G, G - F]
+    assert build_scene(Source(tree)).conditions == (m, F, G, G - F)

@@ -1,8 +1,4 @@
-"""Explain case files without a run: states, surfaces, jumps, effects, and the equations of each mode.
-
-The commands are ``henon-ref explain CASE...`` and ``henon-ref compare CASE... --check``; for their exit statuses see
-:mod:`henon_ref.commands.exit_status`.
-"""
+"""Commands ``explain`` and ``compare --check``: explain case files without a run."""
 
 from __future__ import annotations
 
@@ -16,7 +12,7 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
-from henon_ref.expressions.traversal import size, total_size
+from henon_ref.expressions.traversal import size
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.table import count
 from henon_ref.modes.latex import MOST_IN_ALL, MOST_IN_CELL, MOST_MODES, TOO_LONG
@@ -92,7 +88,7 @@ def _model(system: FilippovSystem) -> Iterator[str]:
     for valid in system.valid:
         yield f"the model holds while {_text(valid)} > 0"
     total = 3 ** len(system.surfaces)
-    if total_size((*system.field, *system.surfaces), MOST_IN_ALL) > MOST_IN_ALL:
+    if size((*system.field, *system.surfaces), MOST_IN_ALL) > MOST_IN_ALL:
         yield f"{total} modes, whose equations are {TOO_LONG}"
         return
     modes = _modes(system)

@@ -15,17 +15,15 @@ from henon_ref.harness.table import Table, error, exponential, listing, signific
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
 
-HEADINGS = ("truth", "value", "note")
-
 
 def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
     """Make the table of the exact run: end, transitions, certification and methods of computation.
 
     If the transitions are not certified, the table names the independent solvers in ``runs`` that confirm their modes.
     """
-    statement, expected = result.statement, result.expected
+    headings, statement, expected = ("truth", "value", "note"), result.statement, result.expected
     if expected is None:
-        return Table(HEADINGS, "lll", [("exact run", "none, nothing is scored", _reason(result))])
+        return Table(headings, "lll", [("exact run", "none, nothing is scored", _reason(result))])
     touches = sum(event.kind == "graze" for event in expected.transitions)
     ended = "the truth ends there" if expected.partial else ""
     rows = [
@@ -48,7 +46,7 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
         rows.append(("computed by", method, note))
     if statement.near_grazes:
         rows.append(("near touches", f"{statement.near_grazes}", "instants at which a surface is nearly met"))
-    return Table(HEADINGS, "lll", rows)
+    return Table(headings, "lll", rows)
 
 
 def _confirms(run: RunRow) -> bool:
