@@ -227,7 +227,9 @@ def moving_belt() -> Findings:
     )
 
 
-def estimated(samples: NDArray[np.float64], *, radius: float = RADIUS, delay: int = DELAY) -> tuple[list[float], float]:
+def estimated(
+    samples: NDArray[np.float64], *, radius: float = RADIUS, delay: int = DELAY, cutoff: float = 0.02
+) -> tuple[list[float], float]:
     """Estimate the Lyapunov exponents of a flow from samples; no radius and delay are right for all samples.
 
     Parameters
@@ -238,6 +240,8 @@ def estimated(samples: NDArray[np.float64], *, radius: float = RADIUS, delay: in
         Radius of the ball of neighbours, relative to the size of the set (root-mean-square distance from the mean).
     delay : int
         Number d of samples between a distance and its image, and between two reference points.
+    cutoff : float
+        A direction is left out if the neighbours' spread in it is below this part of their largest spread.
 
     Returns
     -------
@@ -249,14 +253,16 @@ def estimated(samples: NDArray[np.float64], *, radius: float = RADIUS, delay: in
     Raises
     ------
     ModelError
-        If samples are not finite.
+        If samples are not finite, or too few.
     """
     samples = np.ascontiguousarray(samples, dtype=float)
     if not np.isfinite(samples).all():
         raise ModelError("samples with gaps: the trajectory ended before the last sample time")
+    if len(samples) - delay < 2 * APART + 1 + LEAST:
+        raise ModelError(f"{len(samples)} samples are too few")
     spread, moved = _moments(samples, radius, delay)
     values, axes = np.linalg.eigh(spread)
-    kept = values > 0.02**2 * values[:, -1:]  # other directions have less than 2 % of the largest spread
+    kept = values > cutoff**2 * values[:, -1:]
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     maps = moved @ (axes * inverse[:, None, :]) @ axes.transpose(0, 2, 1)
     exponents = _growth(maps) / (delay * INTERVAL)
