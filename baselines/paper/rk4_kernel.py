@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
@@ -106,17 +105,6 @@ class Kernel:
         return given.first, given.filled, code
 
 
-@dataclass(frozen=True)
-class Landing:
-    """Landing of a step that crossed a guard."""
-
-    offset: float
-    """Time from the start of the step [s]."""
-    state: Floats
-    how: str
-    """``henon`` or ``bracket``."""
-
-
 def _numbers(system: FilippovSystem, tape: Tape) -> Floats:
     """Return the constants rounded to double, followed by their rounding remainders."""
     pairs = [double_double(system.numeric(c)) for c in tape.constants]
@@ -140,8 +128,10 @@ def crossed_guards(kernel: Kernel, t: float, x: Floats, armed: NDArray[np.bool_]
     ]
 
 
-def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float) -> Landing | None:
+def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float) -> tuple[float, Floats, str] | None:
     """Land the step from (t, x) to (t + h, new), which crossed guard ``which``, on that guard.
+
+    Return the time from the start of the step [s], the state, and the method (``henon`` or ``bracket``).
 
     Hénon's swap is used if the guard is steep. Otherwise Brent's method finds the step length at which the guard is
     zero; it has order 4, too, and does not divide by the guard's rate. The result is None if the guard is not a number
@@ -149,7 +139,7 @@ def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float)
     """
     swapped = _swapped(kernel, which, t + h, new.tolist())
     if swapped is not None and -h <= swapped[0] <= 0:
-        return Landing(h + swapped[0], swapped[1], "henon")
+        return h + swapped[0], swapped[1], "henon"
     state = np.empty_like(x)
 
     def along(offset: float) -> float:
@@ -163,7 +153,7 @@ def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float)
     except ValueError:
         return None
     along(offset)
-    return Landing(offset, state, "bracket")
+    return offset, state, "bracket"
 
 
 def _swapped(kernel: Kernel, which: int, t: float, x: list[float]) -> tuple[float, Floats] | None:
