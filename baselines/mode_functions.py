@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from henon_ref.baselines.surface_functions import is_linear, landing, normal_velocity, of_few, slopes_of
 from henon_ref.errors import UnavailableError
 from henon_ref.jit.native_module import target
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.callables import (
     ARITHMETIC,
     Jacobian,
@@ -59,8 +60,6 @@ class CommonFunctions:
         self.guard_expressions = tuple(system.numeric(g) for g in self._shared.outputs)
         self.kept: dict[Any, Any] = {}
         """Objects that a library has built from these functions; the library chooses the keys."""
-        self._rates: dict[int, Scalar] = {}
-        self._jacobians: dict[Callbacks, Jacobian] = {}
 
     def values(self, mode: Mode) -> tuple[float, ...]:
         """Values of the switches in a mode."""
@@ -77,19 +76,17 @@ class CommonFunctions:
         """Compiled ``fill(t, y, out)``; ``y`` holds the states and the switches."""
         return compiled((*self.states, *self.symbols), self.field_expressions)
 
+    @cached_method
     def rate(self, row: int) -> Scalar:
         """Function of a guard and its time derivative."""
-        if row not in self._rates:
-            guard = self.guard_expressions[row]
-            slope = along(guard, self.states, self.field_expressions)
-            self._rates[row] = of_few((*self.states, *self.symbols), (guard, slope))
-        return self._rates[row]
+        guard = self.guard_expressions[row]
+        slope = along(guard, self.states, self.field_expressions)
+        return of_few((*self.states, *self.symbols), (guard, slope))
 
+    @cached_method
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Jacobian of the field in the states."""
-        if callbacks not in self._jacobians:
-            self._jacobians[callbacks] = jacobian(self.states, self.field_expressions, callbacks, self.symbols)
-        return self._jacobians[callbacks]
+        return jacobian(self.states, self.field_expressions, callbacks, self.symbols)
 
 
 @lru_cache(maxsize=16)
@@ -123,7 +120,6 @@ class ModeFunctions:
         self._watched = [k for k, g in enumerate(guards) if not (g.kind == "surface" and g.index in idle)]
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
-        self._bends: dict[int, Scalar] = {}
         self.symbols: tuple[sp.Symbol, ...] = ()
         self.kept: dict[Any, Any] = {}
         """See :class:`CommonFunctions`."""
@@ -256,12 +252,11 @@ class ModeFunctions:
         relevant = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
         return landing(self.system, relevant, index)
 
+    @cached_method
     def bend(self, index: int) -> Scalar:
         """Function of a guard's first and second time derivative along this mode's field."""
-        if index not in self._bends:
-            rate = self.along(self.guard_expressions[index])
-            self._bends[index] = scalar(self.states, [rate, self.along(rate)])
-        return self._bends[index]
+        rate = self.along(self.guard_expressions[index])
+        return scalar(self.states, [rate, self.along(rate)])
 
     @cached_property
     def _tape(self) -> tuple[Tape, list[float]]:

@@ -18,6 +18,7 @@ from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.surface_functions import projected, surface
 from henon_ref.jit.processor_time import compiling
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.after_jump import after_jump, without_speed
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.modes.equations import Guard
@@ -151,7 +152,6 @@ class ModeTable:
         self.in_doubles: ModeEvaluation = known.in_doubles if known else in_doubles(system)
         self._entries: dict[Key, ModeEntry] = {}
         self._models: dict[Key, ModeFunctions] = known._models if known else {}
-        self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         return self.entry(mode)
@@ -248,9 +248,11 @@ class ModeTable:
 
     def values(self, expressions: tuple[sp.Expr, ...], t: float, x: Sequence[float]) -> list[float]:
         """Evaluate expressions in time and states at a point."""
-        if expressions not in self._functions:
-            self._functions[expressions] = scalar(self.system.states, [self.system.numeric(e) for e in expressions])
-        return list(self._functions[expressions](t, *x))
+        return list(self._function(expressions)(t, *x))
+
+    @cached_method
+    def _function(self, expressions: tuple[sp.Expr, ...]) -> Scalar:
+        return scalar(self.system.states, [self.system.numeric(e) for e in expressions])
 
     def guard_series(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
         return self.in_doubles.guard_series(mode, t, x)
