@@ -16,7 +16,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.surface_functions import is_linear, landing, normal_velocity, of_few, slopes_of
+from henon_ref.baselines.surface_functions import is_linear, landing, of_few, slopes_of
 from henon_ref.errors import UnavailableError
 from henon_ref.jit.native_module import target
 from henon_ref.method_cache import cached_method
@@ -31,7 +31,7 @@ from henon_ref.modes.callables import (
 )
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation
+from henon_ref.modes.mode_evaluation import ModeEvaluation, acting_on
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand
 from henon_ref.taylor.tape import TIME, Tape, build_tape
@@ -246,11 +246,9 @@ class ModeFunctions:
 
     def landing(self, index: int) -> Scalar:
         """Function of a surface on which this mode begins or ends (:func:`landing`)."""
-        acting = normal_velocity(self.system, index).free_symbols
-        pairs = enumerate(zip(self.system.signs, self.mode, strict=True))
+        acting = {*acting_on(self.system, index)} - {index}
         # Signs that do not act on this surface are set to 1, so that modes share the cached function.
-        relevant = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
-        return landing(self.system, relevant, index)
+        return landing(self.system, tuple(s if k in acting else 1 for k, s in enumerate(self.mode)), index)
 
     @cached_method
     def bend(self, index: int) -> Scalar:

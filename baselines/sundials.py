@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import io
 import os
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
@@ -49,13 +48,33 @@ from henon_ref.modes.equations import Guard
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 
-class _SundialsMode(SmoothMode):
-    """One mode on an integrator of scikit-sundae; subclasses set the attributes and implement ``start``."""
+class _CvodeMode(SmoothMode):
+    """One mode on an integrator of scikit-sundae; here CVODE."""
 
     function: Callable[..., None]
     """Right-hand side or residual."""
     options: dict[str, Any]
     """Options of the integrator."""
+
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        super().__init__(library, model, work, horizon)
+        self.build(library.solver)
+
+    def build(self, own: Sundials) -> None:
+        """Set ``function`` and ``options``."""
+        self.function, jacobian = _filling_field(self, own.callbacks), self.model.jacobian(own.callbacks)
+
+        def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            jacobian.fill(t, x, out)
+
+        self.connect(jacfn, self.watchers, method=own.method)
+
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Return the initial arrays for the library's ``solve``; raise an arithmetic error if the field has no value.
+
+        ``x`` are the unknowns at ``t``.
+        """
+        return (x,)
 
     def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
         """Set the options and ``more``. All events are terminal; the last event is the guard against divergence."""
@@ -74,13 +93,6 @@ class _SundialsMode(SmoothMode):
             "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": 1_000_000,
             "eventsfn": eventsfn, "num_events": count + 1, **more,
         }  # fmt: skip
-
-    @abstractmethod
-    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Return the initial arrays for the library's ``solve``; raise an arithmetic error if the field has no value.
-
-        ``x`` are the unknowns at ``t``.
-        """
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         try:
@@ -104,23 +116,6 @@ class _SundialsMode(SmoothMode):
         if result.t_events is None:
             return self.stopped(until, state)
         return self.stopped(end, state, np.flatnonzero(result.i_events[-1]).tolist())
-
-
-class _CvodeMode(_SundialsMode):
-    """One mode on CVODE."""
-
-    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        super().__init__(library, model, work, horizon)
-        own: Sundials = library.solver
-        self.function, jacobian = _filling_field(self, own.callbacks), model.jacobian(own.callbacks)
-
-        def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-            jacobian.fill(t, x, out)
-
-        self.connect(jacfn, self.watchers, method=own.method)
-
-    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        return (x,)
 
 
 def _filling_field(mode: SmoothMode, callbacks: Callbacks) -> Callable[..., None]:
@@ -148,15 +143,14 @@ def _ready(function: Callable[..., None], unknowns: int, points: int = 1) -> Cal
     return function
 
 
-class _IdaMode(_SundialsMode):
+class _IdaMode(_CvodeMode):
     """One mode on IDA, as a DAE in ``y = (x, g, s)``: ``(x, g)' = f(t, y)``, ``0 = c(t, y)``.
 
     x are the states, g copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
     """
 
-    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        super().__init__(library, model, work, horizon)
-        callbacks, system = library.solver.callbacks, model.system
+    def build(self, own: Sundials) -> None:
+        model, callbacks, system = self.model, own.callbacks, self.model.system
         self._sliding = sliding = tuple(model.equations.equivalent_signs)
         """Surfaces whose equivalent sign is an unknown, in order; none in slip or under a ``sliding`` override."""
         seen = [k for k in model.followed if not self._by_sign(model.guards[k])]
