@@ -34,11 +34,6 @@ from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.modes.callables import ARITHMETIC, rounded
 from henon_ref.taylor.tape import TIME
 
-FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
-"""Supported functions of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). DiffSL cannot differentiate
-inverse trigonometric functions, acosh and atanh. Its ``tan`` aborts the process (Enzyme does not support LLVM's
-intrinsic), so that a tangent is written as a quotient."""
-
 
 class _Mode(SmoothMode):
     """One mode on diffsol."""
@@ -177,10 +172,12 @@ def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
         return f"pow({base}, {walk(e.exp)})"
 
     def function(e: sp.Expr, walk: Walk[str]) -> str:
+        # DiffSL (https://martinjrobins.github.io/diffsl/functions.html) cannot differentiate inverse trigonometric
+        # functions, acosh and atanh. Its tan aborts the process (Enzyme does not support LLVM's intrinsic).
         name, inner = e.func.__name__, walk(e.args[0])
         if name == "tan":
             return f"(sin({inner}) / cos({inner}))"
-        if name not in FUNCTIONS:
+        if name not in ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log"):
             raise UnsupportedError(f"DiffSL has no {name}")
         return f"{name}({inner})"
 

@@ -44,8 +44,6 @@ CHUNK = 4096
 """Largest number of steps between two checks of the clock and of the size of the state."""
 OUTCOMES = -(2**32)
 """Outcomes above this value are terminal events, -index - 1; outcomes up to it are heyoka's status codes."""
-TIME_LIMIT = OUTCOMES - 3
-"""``taylor_outcome.time_limit``: the end of the interval was reached."""
 
 
 class _Integrators:
@@ -164,7 +162,7 @@ class _Mode:
                     return self._overflow(t, low, x, until)
             if code > OUTCOMES:
                 return Stop("event", now, rest, point, (self._hit[-code - 1],))
-            if code == TIME_LIMIT:
+            if code == OUTCOMES - 3:  # taylor_outcome.time_limit: the end of the interval was reached
                 return Stop("horizon", now, rest, point)
             if now - t <= 4.0 * EPSILON * abs(now):
                 return Stop("failed", now, rest, point, reason=f"heyoka does not advance from t = {now:.17g}")

@@ -59,8 +59,6 @@ HOMOTOPIES = ((1e-2, 1e-4), (1e-1, 1e-2), (1.0, 0.1))
 """Start and factor of each homotopy, tried in turn; the last is nosnoc's default."""
 HALVINGS = 2
 """Largest number of halvings of a control step that IPOPT cannot solve."""
-MOST_SURFACES = 3
-"""Largest number n of surfaces; they make 2**n regions."""
 
 
 class Nosnoc(LibrarySolver):
@@ -83,8 +81,8 @@ class Nosnoc(LibrarySolver):
         ):
             if beyond:
                 raise UnsupportedError(words)
-        if not 1 <= len(system.surfaces) <= MOST_SURFACES:
-            raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
+        if not 1 <= len(system.surfaces) <= 3:  # n surfaces make 2**n regions
+            raise UnsupportedError(f"the adapter supports 1 to 3 surfaces, not {len(system.surfaces)}")
         self.loaded()
         return _Simulation(problem, rtol, self.landing, work).run
 

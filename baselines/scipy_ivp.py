@@ -28,8 +28,6 @@ from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
 from henon_ref.baselines.restart import Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
 
-IMPLICIT = ("Radau", "BDF", "LSODA")
-
 
 class _Mode(SmoothMode):
     """``solve_ivp`` on one mode."""
@@ -39,7 +37,7 @@ class _Mode(SmoothMode):
         own: ScipyIvp = library.solver
         self._rhs, self._root_tolerance = self.counted_field(own.callbacks), own.root_tolerance
         self._options: dict[str, Any] = {"method": own.method, "rtol": library.rtol, "atol": library.atol}
-        if own.method in IMPLICIT:
+        if own.implicit:
             self._options["jac"] = model.jacobian(own.callbacks)
         self._events: list[Any] = [*self.watchers, lambda t, x: self.divergence(t, x)]
         for event in self._events:  # SciPy reads both attributes
@@ -119,7 +117,7 @@ class ScipyIvp(Adapter):
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]
-        return self.method in IMPLICIT
+        return self.method in ("Radau", "BDF", "LSODA")
 
 
 RK45 = ScipyIvp("scipy-rk45", "RK45")

@@ -24,8 +24,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import spelled
 
-_NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
-
 
 def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     """Convert a problem that starts in the mode ``start`` to a message of the protocol.
@@ -184,4 +182,4 @@ def renamed(text: str, names: Mapping[str, str]) -> str:
     >>> renamed("1e5*e5 + sin(x)", {"e5": "p[0]", "x": "x[0]"})
     '1e5*p[0] + sin(x[0])'
     """
-    return _NAME.sub(lambda found: names.get(found[0], found[0]), text)
+    return re.sub(r"(?<![\w.])[^\W\d_]\w*", lambda found: names.get(found[0], found[0]), text)

@@ -33,8 +33,6 @@ from henon_ref.solver import Run
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
-MOST_FIELDS = 100
-"""Largest number of fields of one object."""
 SHOWN = 60
 """Characters of a refused value in a message."""
 
@@ -196,10 +194,11 @@ def _check_size(output: bytes, request: Request) -> None:
 def _check_fields(message: Any) -> None:
     """Refuse objects with too many fields: the validation would collect an error for each."""
     events = message.get("transitions") if isinstance(message, dict) else None
-    parts = message.items() if isinstance(message, dict) and len(message) <= MOST_FIELDS else ()
+    most = 100
+    parts = message.items() if isinstance(message, dict) and len(message) <= most else ()
     each = ((f"transitions.{k}", event) for k, event in enumerate(events)) if isinstance(events, list) else ()
     for place, value in chain([("response", message)], parts, each):
-        if isinstance(value, dict) and len(value) > MOST_FIELDS:
+        if isinstance(value, dict) and len(value) > most:
             raise _refused(f"{place[:SHOWN]}: it has {len(value)} fields")
 
 
