@@ -146,12 +146,9 @@ def number(value: float) -> str:
 
 
 def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
-    """Convert an expression in time and the unknowns to DiffSL; ``names`` are the unknowns' names in the text.
+    """Convert an expression in time and the unknowns to DiffSL; UnsupportedError if DiffSL has no such function.
 
-    Raises
-    ------
-    UnsupportedError
-        If DiffSL does not have a function.
+    ``names`` are the unknowns' names in the text.
     """
 
     def product(e: sp.Expr, walk: Walk[str]) -> str:

@@ -43,12 +43,8 @@ class Driver:
     """One problem prepared for repeated runs with one library.
 
     The library counts its evaluations in ``work``, which holds the deadline. ``known`` is a table of modes of the same
-    system that was made for another library; their equations are used again.
-
-    Raises
-    ------
-    UnsupportedError
-        If the initial mode has no equations, or too many contacts with static friction act on each other.
+    system that was made for another library; their equations are used again. UnsupportedError if the initial mode has
+    no equations, or too many contacts with static friction act on each other.
     """
 
     def __init__(

@@ -266,12 +266,7 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
     """Convert an expression in time and symbols to heyoka; ``variables`` maps the symbols to heyoka's expressions.
 
     heyoka's ``from_sympy`` refuses rationals whose denominator is not a power of two. This function rounds every
-    constant subexpression to one double, as for all other libraries.
-
-    Raises
-    ------
-    UnsupportedError
-        If heyoka does not have a function.
+    constant subexpression to one double, as for all other libraries. UnsupportedError if heyoka has no such function.
     """
     import heyoka as hy
 

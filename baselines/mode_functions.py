@@ -99,12 +99,8 @@ class ModeFunctions:
     """One mode of one system as functions of ``(t, *x)``, with parameter values inserted.
 
     ``evaluation`` makes the tapes of the system's modes. ``idle`` are surfaces on which the mode stays although their
-    signs are not zero: their values do not change, and their guards are left out.
-
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
+    signs are not zero: their values do not change, and their guards are left out. ModelError if the mode has no
+    equations.
     """
 
     def __init__(
@@ -267,10 +263,7 @@ class ModeFunctions:
     def series(self, t: float, x: Sequence[float], order: int) -> tuple[list[list[float]], list[list[float]]]:
         """Compute Taylor coefficients in time of the states and the guards along this mode's solution through (t, x).
 
-        Raises
-        ------
-        ArithmeticError, ValueError
-            If the field has no value at (t, x).
+        Raise an exception of ``ARITHMETIC`` if the field has no value there.
         """
         tape, numbers = self._tape
         return expand(tape, numbers, t, list(x), order)
@@ -279,12 +272,7 @@ class ModeFunctions:
 def njit(function: Callable[..., Any]) -> Any:
     """Compile a function by numba, for the same processor as the reference's modes (see ``target``).
 
-    A division by zero gives infinity or NaN (numba's ``numpy`` error model).
-
-    Raises
-    ------
-    UnavailableError
-        If numba is not installed.
+    A division by zero gives infinity or NaN (numba's ``numpy`` error model). UnavailableError if numba is missing.
     """
     try:
         import numba

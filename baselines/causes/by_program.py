@@ -31,10 +31,7 @@ class Printed(dict[str, list[list[float]]]):
 def printed(command: Sequence[str], environment: dict[str, str] | None = None) -> Printed:
     """Run a program whose lines consist of a name and numbers; other lines, printed by the library, are ignored.
 
-    Raises
-    ------
-    ClaimError
-        If the program cannot be run.
+    ClaimError if the program cannot be run.
     """
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=300.0, check=False, env=environment)

@@ -89,13 +89,7 @@ class Listing:
         sample_times: Floats | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Check the system (see :class:`henon_ref.solver.Solver`).
-
-        Raises
-        ------
-        UnsupportedError
-            If the system is another one, or there is no positive step.
-        """
+        """Check the system and the step (see :class:`henon_ref.solver.Solver`)."""
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
         numbers = listing_parameters(problem)
@@ -138,10 +132,7 @@ LISTING = Listing()
 def listing_parameters(problem: Problem) -> tuple[float, ...]:
     """Return m, k1, k2, mu0, vp, A, w of a problem with the listing's system, rounded to doubles.
 
-    Raises
-    ------
-    UnsupportedError
-        If the system is another one; the message names the difference.
+    If the system is another one, the UnsupportedError names the difference.
     """
     named = {symbol.name: symbol for symbol in problem.system.parameters}
     missing = [name for name in PARAMETERS if name not in named]
@@ -218,18 +209,8 @@ def effective_changes(changes: Floats, start: int) -> Floats:
     """Merge each release that the next step undoes with the change of that step.
 
     Such a release goes to one side, and the next step lands again and turns to the other side. The result has one
-    release to the other side, at the time of the release.
-
-    Parameters
-    ----------
-    changes : ndarray, shape (k, 5)
-        Step, time, position, velocity and mode after each change.
-    start : int
-        Mode before the first change.
-
-    Returns
-    -------
-    ndarray, shape (at most k, 5)
+    release to the other side, at the time of the release. ``changes``: step, time, position, velocity and mode after
+    each change, shape (k, 5); ``start``: mode before the first change.
     """
     modes = changes[:, 4]
     released = np.concatenate(([start], modes[:-1])) == 0

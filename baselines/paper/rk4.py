@@ -81,11 +81,6 @@ class HenonRK4:
         """Compile every mode that the run visits, by one run (see :class:`henon_ref.solver.Solver`).
 
         A process compiles a system once, for all step lengths.
-
-        Raises
-        ------
-        UnsupportedError
-            If there is no positive step, or the system has jumps of the state.
         """
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} does not support jumps of the state")

@@ -31,12 +31,8 @@ class Kernel:
     """Equations of one mode.
 
     The loop and its steps are C code for all systems (``rk4.c``); field and guards are machine code generated from the
-    tape. Landings use plain Python functions, because they are too rare to be worth a compilation.
-
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
+    tape. Landings use plain Python functions, because they are too rare to be worth a compilation. ModelError if the
+    mode has no equations.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode) -> None:

@@ -119,10 +119,7 @@ def _compiler_version(path: str) -> str:
 def compile_program(texts: Mapping[str, str], program: Path) -> None:
     """Compile the first of some sources and headers (text by file name) with SUNDIALS; ``program`` is never incomplete.
 
-    Raises
-    ------
-    UnavailableError
-        If a tool is missing, or the compiler fails.
+    UnavailableError if a tool is missing, or the compiler fails.
     """
     path, include = tools()
     library = include.parent / "lib"

@@ -83,14 +83,8 @@ def exchange(
     The streams are files, so that a full pipe cannot block the program. The command is started without a shell;
     ``environment`` are variables in addition to those of this process.
 
-    Raises
-    ------
-    UnavailableError
-        If the program does not exist.
-    ProgramTimeoutError
-        If the program takes too long.
-    ContractError
-        If the program writes too much, crashes, or ends with an exit status other than 0.
+    UnavailableError if the program does not exist; ProgramTimeoutError if it takes too long; ContractError if it
+    writes too much, crashes, or ends with an exit status other than 0.
     """
     with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         source.write(request)

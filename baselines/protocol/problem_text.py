@@ -28,11 +28,8 @@ from henon_ref.text import spelled
 def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     """Convert a problem that starts in the mode ``start`` to a message of the protocol.
 
-    Raises
-    ------
-    UnsupportedError
-        If the system has not exactly one surface, the initial mode has no equations, or the protocol cannot express
-        the system (jumps of the state, a slide on an intersection, a name, a function).
+    UnsupportedError if the system has not exactly one surface, the initial mode has no equations, or the protocol
+    cannot express the system (jumps of the state, a slide on an intersection, a name, a function).
     """
     system = problem.system
     if len(system.surfaces) != 1:
@@ -157,12 +154,7 @@ class _Printer(StrPrinter):
 
 
 def infix(expression: sp.Expr) -> str:
-    """Return the text of an expression.
-
-    Raises
-    ------
-    UnsupportedError
-        If the protocol does not have a function.
+    """Return the text of an expression; UnsupportedError if the protocol has no such function.
 
     Examples
     --------

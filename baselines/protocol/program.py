@@ -116,12 +116,7 @@ class ProgramRun:
     def __call__(self) -> Trajectory:
         """Run once, in a new process.
 
-        Raises
-        ------
-        ContractError
-            If the program gives no response, or an invalid one.
-        UnsupportedError, UnavailableError
-            If the response has this status.
+        ContractError if the program gives no valid response; UnsupportedError, UnavailableError if that is its status.
         """
         request, start = self.request, self.request.problem.start
         self.wall_s = math.nan
@@ -136,10 +131,7 @@ class ProgramRun:
     def times(self, count: int) -> tuple[float, ...]:
         """Return the wall times of ``count`` runs in one process, after one untimed run [s].
 
-        Raises
-        ------
-        ContractError
-            If the program gives no response, an invalid one, or another number of times.
+        ContractError if the program gives no valid response, or another number of times.
         """
         response = self._response(self.request.model_copy(update={"untimed": 1, "timed": count}))
         if len(response.wall_s) != count:
@@ -158,10 +150,7 @@ class ProgramRun:
 def read_response(output: bytes, request: Request) -> Response:
     """Read a program's output as a response to the request.
 
-    Raises
-    ------
-    ContractError
-        If the output is not a valid response; the message names the place, the value there and the allowed values.
+    If it is not valid, the ContractError names the place, the value there and the allowed values.
     """
     if not output.strip():
         raise ContractError("the program wrote nothing, wanted a response in JSON")
@@ -203,13 +192,7 @@ def _check_fields(message: Any) -> None:
 
 
 def trajectory(response: Response, request: Request, landing: str) -> Trajectory:
-    """Convert a response to a trajectory.
-
-    Raises
-    ------
-    UnsupportedError, UnavailableError
-        If the response has this status.
-    """
+    """Convert a response to a trajectory; UnsupportedError, UnavailableError if that is its status."""
     if response.status == "unsupported":
         raise UnsupportedError(response.reason or "the program does not do this problem")
     if response.status == "unavailable":

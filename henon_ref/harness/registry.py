@@ -253,12 +253,8 @@ def all_versions() -> dict[str, str]:
 def solver(name: str) -> Solver:
     """Import a solver.
 
-    Raises
-    ------
-    CaseError
-        If the solver or its restart does not exist.
-    UnavailableError
-        If its library is not installed, or its entry point holds no solver.
+    CaseError if the solver or its restart does not exist; UnavailableError if its library is not installed, or its
+    entry point holds no solver.
     """
     check(name)
     base, restart = _base_and_restart(name)
@@ -276,10 +272,7 @@ def solver(name: str) -> Solver:
 def loaded(point: EntryPoint) -> Solver:
     """Load the solver of an entry point, which is either a solver or a function that returns one.
 
-    Raises
-    ------
-    UnavailableError
-        If the entry point holds no solver, or cannot be loaded.
+    UnavailableError if it is neither, or cannot be loaded.
     """
     if point in _REFUSED:
         raise UnavailableError(_REFUSED[point])
