@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from math import isfinite
 from typing import Any, Literal
 
@@ -86,6 +86,10 @@ class _Integrators:
             return self._make_quiet()
 
 
+_common_integrators = lru_cache(maxsize=16)(_Integrators)
+"""Integrators of all modes that share their equations."""
+
+
 class _Mode:
     """One mode on heyoka."""
 
@@ -93,10 +97,7 @@ class _Mode:
         solver: HeyokaTaylor = library.solver
         self._model, self._work, self._horizon = model, work, horizon
         self._policy, self._rtol = solver.restart, library.rtol
-        functions, key = model.common or model, (solver.name, solver.restart, solver.cooldown, library.rtol)
-        if key not in functions.kept:
-            functions.kept[key] = _Integrators(library, functions)
-        made = functions.kept[key]
+        made = _Integrators(library, model) if model.common is None else _common_integrators(library, model.common)
         self._switches = model.switches
         guard_of = {row: k for k, row in enumerate(model.rows)}
         self._hit = [guard_of.get(row, -1) for row in made.moving]

@@ -58,8 +58,6 @@ class CommonFunctions:
         """Symbols of the switches."""
         self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)
         self.guard_expressions = tuple(system.numeric(g) for g in self._shared.outputs)
-        self.kept: dict[Any, Any] = {}
-        """Objects that a library has built from these functions; the library chooses the keys."""
 
     def values(self, mode: Mode) -> tuple[float, ...]:
         """Values of the switches in a mode."""
@@ -117,8 +115,6 @@ class ModeFunctions:
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
         self.symbols: tuple[sp.Symbol, ...] = ()
-        self.kept: dict[Any, Any] = {}
-        """See :class:`CommonFunctions`."""
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from operator import itemgetter
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,6 @@ CHUNK = 200_000
 """Largest number of steps between two checks of the clock."""
 CROWDED = 100
 """Number of events within the length of one step after which the run fails: events accumulate, or the run chatters."""
-_KERNELS: WeakKeyDictionary[FilippovSystem, dict[Mode, Kernel]] = WeakKeyDictionary()
-"""Compiled kernels of each system and mode, for all step lengths."""
 
 
 class HenonRK4:
@@ -99,12 +97,11 @@ class HenonRK4:
 RK4 = HenonRK4()
 
 
+@lru_cache(maxsize=64)
 def _kernel(system: FilippovSystem, mode: Mode) -> Kernel:
-    kernels = _KERNELS.setdefault(system, {})
-    if mode not in kernels:
-        with compiling():
-            kernels[mode] = Kernel(system, mode)
-    return kernels[mode]
+    """Compiled kernel of a mode, for all step lengths."""
+    with compiling():
+        return Kernel(system, mode)
 
 
 class _Integration:

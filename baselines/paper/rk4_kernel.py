@@ -9,7 +9,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.paper import ffi, flags, lib, rows
+from henon_ref.baselines.paper import ffi, lib, rows
 from henon_ref.expressions.bounds import double_double
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
@@ -56,7 +56,7 @@ class Kernel:
                 *(n, len(expressions)),
                 *(ffi.cast("rk4_values", self._code.address(name)) for name in names),
                 *map(rows, self._constants),
-                flags(self.rising_only),
+                rows(self.rising_only, "uint8_t"),
             ],
         )
         self._states, self._room = n, 4 * n + len(expressions)
@@ -95,7 +95,7 @@ class Kernel:
         the state before the step that crossed a guard, and ``new`` the state after the step.
         """
         room = np.empty(self._room)
-        state = rows(x), rows(new), flags(armed), rows(wanted)
+        state = rows(x), rows(new), rows(armed, "uint8_t"), rows(wanted)
         given = ffi.new("struct rk4_steps *", [base, h, *steps, *state, wanted.size, rows(samples), filled, rows(room)])
         code = lib.rk4_advance(self._mode, given)
         return given.first, given.filled, code
