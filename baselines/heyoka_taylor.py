@@ -1,19 +1,17 @@
 """heyoka: Taylor integration with terminal events, one compiled integrator per mode.
 
 Without a direction, an event that is exactly zero at the start stops heyoka at once. With a direction it does not, but
-the next true root in the first step is lost (x = 0, v = 1, a = -1, falling: the root at t = 2 is never reported). A
-guard that starts one rounding above zero is treated correctly. Therefore the default restart is ``offset``: a heyoka
-parameter lifts the fresh guard by a few roundings of its terms. The lift costs no step and delays the next root by the
-lift divided by the guard's rate. heyoka finds a root on the guard's Taylor polynomial. At a loose tolerance a
-tangential release is therefore slightly early or late, and the guard may first fall by the square of this time; the
-lift covers this fall. ``event-free-step`` takes a short step with a second integrator without events. ``direction``
-and ``none`` are for comparison.
+the next true root in the first step is lost. A guard that starts one rounding above zero is treated correctly.
+Therefore the default restart is ``offset``: a heyoka parameter lifts the fresh guard by a few roundings of its terms,
+which delays the next root by the lift divided by the guard's rate. heyoka finds a root on the guard's Taylor
+polynomial. At a loose tolerance a tangential release is therefore slightly early or late, and the guard may first fall
+by the square of this time; the lift covers this fall. ``event-free-step`` takes a short step with a second integrator
+without events.
 
 An exact double root inside a step is not detected. A root very early in a long step (a ballistic return within 1e-4 of
 the step) is sometimes lost together with the guard's root at the start. If such a guard is below zero at the next stop,
 the start is repeated with an event-free step. heyoka stores its time as two doubles, and the transitions keep both
-(``time_low``). heyoka has one tolerance, which is set to ``rtol``; ``atol`` is not used. ``docs/solvers.md`` lists the
-advice of heyoka's documentation that is followed.
+(``time_low``). Its one tolerance is ``rtol``. What its documentation advises: ``docs/solvers.md``.
 """
 
 from __future__ import annotations

@@ -5,11 +5,10 @@ combination of signs) and treats sliding itself, by a complementarity system (St
 chooses Heaviside steps, whose alpha is the weight of a sign). Transitions are read from the ends of its finite
 elements: alpha changes between 0 and 1 at a crossing, and is between 0 and 1 while the surface slides.
 
-nosnoc has no error control. Its user chooses a grid, the number n of stages of Radau IIA (order 2 n - 1) and the
-tolerance of the complementarity. Here the tolerance of a row sets the last two (:data:`STAGES`): it is a level of
-effort, not a bound on an error. The grid is the same for all tolerances: twice as many equal control steps as SciPy's
-RK45 takes at 1e-3, each with two finite elements, so that motion and events are resolved. A control step can resolve
-one switch. A coarser grid gives wrong results without a warning (:mod:`henon_ref.baselines.causes.nosnoc_grid`).
+nosnoc has no error control: the tolerance of a row sets the number n of stages of Radau IIA (order 2 n - 1) and the
+tolerance of the complementarity. The grid is the same for all tolerances: twice as many equal control steps, each of
+which can resolve one switch, as SciPy's RK45 takes at 1e-3. A coarser grid gives wrong results without a warning
+(:mod:`henon_ref.baselines.causes.nosnoc_grid`).
 
 The homotopy parameter starts at 1e-2 and is multiplied by 1e-4 per step, a quarter of the work of the default. If
 IPOPT reports a control step as infeasible, the step is halved, up to twice, and then repeated with slower homotopies,

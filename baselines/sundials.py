@@ -1,25 +1,18 @@
 """SUNDIALS' CVODE (Adams and BDF) and IDA by scikit-sundae, with their own rootfinding.
 
 CVODE ignores an event function that is exactly zero at the start until the function has left zero; a function that is
-one rounding off zero has its sign. Therefore the default restart is ``direction`` (:mod:`henon_ref.baselines.restart`):
-the guard is not changed, and only falling roots count. No restart is right more often over the suite. An event-free
-step is right less often, because CVODE no longer ignores a guard that stays at zero after the step. The first steps
-(order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance.
-``docs/solvers.md`` lists the advice of the documentation that is followed.
-
-Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``. A pair of roots
-inside one step is not detected. scikit-sundae keeps the events of earlier calls of an object, so that every run of a
-mode gets a new object. Its ``max_num_steps`` counts steps between outputs; only the deadline, which the callbacks
-check, bounds a run.
+one rounding off zero has its sign. With the default restart ``direction`` the guard is not changed, and only falling
+roots count. After an event-free step CVODE would no longer ignore a guard that stays at zero. The first steps (order 1,
+with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Roots are located by
+the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``; a pair of roots inside one step is not
+detected. What the documentation advises: ``docs/solvers.md``.
 
 IDA solves sliding as an index-1 DAE with the friction force as algebraic unknown. In slip the residual is ``x' - f(t,
 x)``. For each sliding surface the equivalent sign is a further unknown s_i with the equation ``dh_i/dt (t, x, s) = 0``,
 and the stick ends when s_i reaches -1 or +1. If a surface is a multiple of another one, its equation sets its sign to
 plus or minus the other sign. The DAE keeps ``dh/dt`` at zero, but not h, so that h drifts by about the tolerance
-during a stick. The driver projects the state onto the surface at the end of the stick and reports the drift. A
-``sliding`` override is integrated as an ODE. The initial state is consistent by construction (x' = f, s from the
-expression of the equivalent sign), so that no initial-condition solve is required. With the default ``offset`` IDA is
-right most often over the suite.
+during a stick; the driver projects the state onto the surface at its end. A ``sliding`` override is integrated as an
+ODE. The initial state is consistent by construction (x' = f, s from the expression of the equivalent sign).
 """
 
 from __future__ import annotations
