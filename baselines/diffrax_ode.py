@@ -118,22 +118,14 @@ def _message(error: RuntimeError) -> str:
 
 @cache
 def _compiled(method: str, either: bool, source: ModeSource) -> Any:
-    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode, once per process."""
-    import jax
+    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode, once per process.
 
-    shapes = [(), (len(source.unknowns),), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
-    wanted = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
-    return jax.jit(_solve(method, either, source)).lower(*wanted).compile()
-
-
-def _solve(method: str, either: bool, source: ModeSource) -> Any:
-    """Return the function ``solve`` for jax to trace; it returns the solve's end as an array, and diffrax's result.
-
-    ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The returned array
-    holds time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
-    the horizon, ``max_steps`` used), the accepted steps, and all steps.
+    ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The result is an
+    array of time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
+    the horizon, ``max_steps`` used), the accepted steps and all steps; and diffrax's result.
     """
     import diffrax
+    import jax
     import jax.numpy as jnp
     import optimistix
 
@@ -173,7 +165,8 @@ def _solve(method: str, either: bool, source: ModeSource) -> Any:
         parts = [end, y, watched(end, y, numbers, watch), jnp.array(flags, dtype=float), jnp.array(counts)]
         return jnp.concatenate([jnp.atleast_1d(part) for part in parts]), solution.result
 
-    return solve
+    shapes = [(), (len(source.unknowns),), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
+    return jax.jit(solve).lower(*(jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes)).compile()
 
 
 class ModeSource(NamedTuple):

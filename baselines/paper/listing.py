@@ -73,11 +73,7 @@ class Listing:
     name = "henon-listing"
     fixed_step = True
     landing = "listing"
-
-    @property
-    def version(self) -> str:
-        """Name and version of the C compiler."""
-        return COMPILER
+    version = COMPILER
 
     def prepare(
         self,

@@ -60,11 +60,7 @@ class HenonRK4:
     name = "henon-rk4"
     fixed_step = True
     landing = "henon"
-
-    @property
-    def version(self) -> str:
-        """Name and version of the C compiler."""
-        return COMPILER
+    version = COMPILER
 
     def prepare(
         self,
