@@ -48,12 +48,7 @@ class Driver:
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        library: Library,
-        work: Work,
-        sample_times: Times = None,
-        known: ModeTable | None = None,
+        self, problem: Problem, library: Library, work: Work, sample_times: Times = None, known: ModeTable | None = None
     ) -> None:
         self.problem, self.library, self.work, self.sample_times = problem, library, work, sample_times
         self.start, self.until = float(problem.start), float(problem.until)

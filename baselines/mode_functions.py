@@ -297,10 +297,7 @@ def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Fil
 
 
 def jacobian(
-    states: Sequence[sp.Symbol],
-    field: Sequence[sp.Expr],
-    callbacks: Callbacks,
-    switches: Sequence[sp.Symbol] = (),
+    states: Sequence[sp.Symbol], field: Sequence[sp.Expr], callbacks: Callbacks, switches: Sequence[sp.Symbol] = ()
 ) -> Jacobian:
     """Return df/dx derived by SymPy, with entries in plain Python or compiled."""
     return Jacobian(states, field, switches, _filled if callbacks == "numba" else interpreted)
