@@ -29,9 +29,6 @@ from henon_ref.modes.selection import after_event, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
 
-Rest = tuple[Mode, float, tuple[float, ...]]
-"""Mode, time [s] and state at which a body comes to rest after the last of its impacts."""
-
 
 class After(NamedTuple):
     """Mode and state after an event; ``mode`` is None if the run ends."""
@@ -49,8 +46,8 @@ class After(NamedTuple):
     reason: str = ""
     applied: tuple[tuple[int, Sequence[float]], ...] = ()
     """Surfaces that reset the state, in order, each with the state after its reset; ``x`` is the last of these."""
-    rest: Rest | None = None
-    """Rest after the limit of accumulating impacts."""
+    rest: tuple[Mode, float, tuple[float, ...]] | None = None
+    """Mode, time [s] and state at which a body comes to rest after the last of accumulating impacts."""
 
 
 Key = tuple[Mode, frozenset[int]]

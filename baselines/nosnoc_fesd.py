@@ -46,8 +46,6 @@ from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Status, Trajectory
 
-STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
-"""Pairs (bound, stages): the first pair whose bound is below the row's tolerance sets the number of stages."""
 GRID = 1e-3
 """Tolerance of the run whose steps are counted for the grid."""
 FEWEST = 20
@@ -224,7 +222,7 @@ def _options(nosnoc: Any, rtol: float, length: float) -> Any:
     options.irk_scheme = nosnoc.IrkSchemes.RADAU_IIA
     options.irk_representation = nosnoc.IrkRepresentation.DIFFERENTIAL
     options.pss_mode = nosnoc.PssMode.STEP
-    options.n_s = next(stages for bound, stages in STAGES if rtol > bound)
+    options.n_s = 3 if rtol > 1e-7 else 4 if rtol > 1e-10 else 5
     options.N_finite_elements = ELEMENTS
     options.terminal_time = length
     options.comp_tol = options.sigma_N = _complementarity(rtol)

@@ -35,8 +35,6 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Status, Trajectory, without_hidden_kinks
 
-CHUNK = 200_000
-"""Largest number of steps between two checks of the clock."""
 CROWDED = 100
 """Number of events within the length of one step after which the run fails: events accumulate, or the run chatters."""
 
@@ -140,8 +138,9 @@ class _Integration:
         done, last = 0, int((self.until - self.time) / h)
         while True:
             first = done
+            # The clock is checked after at most 200,000 steps.
             done, filled, code = kernel.advance(
-                self.time, (first, min(first + CHUNK, last)), h, self.x, armed, new,
+                self.time, (first, min(first + 200_000, last)), h, self.x, armed, new,
                 self.wanted, self.samples, self.filled,
             )  # fmt: skip
             self._sampled(filled)
