@@ -24,7 +24,7 @@ from henon_ref.baselines.record import Record
 from henon_ref.baselines.surface_functions import surface
 from henon_ref.errors import UnsupportedError
 from henon_ref.jit.processor_time import compiling
-from henon_ref.modes.arithmetic import NO_VALUE
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced, sign_after
@@ -116,8 +116,7 @@ class _Integration:
 
     def run(self) -> Trajectory:
         """Integrate to the horizon, or to an earlier end."""
-        problem = self.problem
-        decision = initial_mode(self.modes, problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(self.modes.at_start(self.problem), self.problem)
         recent: deque[float] = deque(maxlen=CROWDED)
         while decision.mode is not None:
             self.mode = decision.mode
@@ -209,7 +208,7 @@ class _Integration:
         if len(hits) == 1 and hits[0].kind == "surface" and 0 not in mode and not self.system.held_inside(i):
             try:
                 sign = sign_after(*at.sides(mode, i))
-            except NO_VALUE:
+            except ARITHMETIC:
                 sign = None
             if sign is not None:
                 return Decision("unique", replaced(mode, i, sign))

@@ -131,6 +131,9 @@ def main(
         ),
     ] = None,
 ) -> int:
+    judged = [name for name, given in (("--json", json), ("--gate", gate), ("--require", require)) if given]
+    if check and judged:
+        raise typer.BadParameter(f"it runs no solver and has no result for {listed(judged)}", param_hint="--check")
     options = {
         "solvers": names(solvers, "--solvers"),
         "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances, "--tolerances") or ())),
