@@ -63,12 +63,6 @@ class Statement:
     """(method, bits, time taken [s]) of every method; the first one gives the digits."""
     certified: bool = False
     """Whether every transition has a proven radius, and it is proven that no other transition exists."""
-    proven: int = 0
-    """Number of transitions with a proven radius."""
-    closed_forms: int = 0
-    """Number of transitions whose time is a closed form in the case."""
-    near_grazes: int = 0
-    """Number of near-grazes of a surface."""
     reason: str = ""
     """Reason why no truth is available, or why the exact run ends before the horizon."""
     uncertified_because: str = ""
@@ -113,9 +107,6 @@ def _statement(reading: Reading, truth: Truth) -> Statement:
         expected,
         methods=truth.methods,
         certified=truth.certified,
-        proven=truth.proven,
-        closed_forms=sum(event.closed_form for event in truth.transitions),
-        near_grazes=len(truth.near_grazes),
         reason=truth.reason,
         uncertified_because=truth.uncertified_because,
     )

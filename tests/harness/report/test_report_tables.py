@@ -7,7 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
-from fakes import TIMES, Reference, case, expected, found, trajectory
+from fakes import TIMES, Reference, case, expected, found, reference, trajectory
 from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
 from henon_ref.casefile.case import load_case
@@ -89,11 +89,16 @@ def test_what_is_proven_of_a_truth_and_why_the_rest_is_not():
     assert truth(usual())["certified"][1].startswith("every one of the 5 is enclosed in ball arithmetic")
     assert truth(usual())["largest radius of a transition time"] == ("1e-30 s", "no error is claimed below it")
     assert truth(usual())["computed by"] == ("made up", "256 bits, 0.1 s")
-    partly = {"certified": False, "uncertified_because": "a graze, at t = 1."}
-    assert truth(compared(proven=2, **partly))["certified"] == ("2 of 5", "a graze, at t = 1")
-    assert truth(compared(proven=0, **partly))["certified"] == ("no", "a graze, at t = 1")
-    assert truth(compared(proven=2, **partly))["modes confirmed by"] == ("nothing independent", "")
-    other = truth(compared(closed_forms=3, near_grazes=2))
+
+    def partly(proven: int) -> dict[str, tuple[str, ...]]:
+        exact = expected(transitions=[replace(event, proven=k < proven) for k, event in enumerate(reference())])
+        return truth(compared(expected=exact, certified=False, uncertified_because="a graze, at t = 1."))
+
+    assert partly(proven=2)["certified"] == ("2 of 5", "a graze, at t = 1")
+    assert partly(proven=0)["certified"] == ("no", "a graze, at t = 1")
+    assert partly(proven=2)["modes confirmed by"] == ("nothing independent", "")
+    closed = [replace(event, closed_form=k < 3) for k, event in enumerate(reference())]
+    other = truth(compared(expected=expected(transitions=closed, near_grazes=["one", "another"])))
     assert (other["closed forms of the case"][0], other["near touches"][0]) == ("3", "2")
 
 

@@ -41,13 +41,13 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
     if expected.radius:
         radius = f"{exponential(expected.radius, 1)} s"
         rows.append(("largest radius of a transition time", radius, "no error is claimed below it"))
-    if statement.closed_forms:
-        rows.append(("closed forms of the case", f"{statement.closed_forms}", "transition times that agree with them"))
+    if closed_forms := sum(event.closed_form for event in expected.transitions):
+        rows.append(("closed forms of the case", f"{closed_forms}", "transition times that agree with them"))
     for method, bits, seconds in statement.methods:
         note = f"{listing([f'{b}' for b in bits])} bits, {significant(seconds, 2)} s" if bits else ""
         rows.append(("computed by", method, note))
-    if statement.near_grazes:
-        rows.append(("near touches", f"{statement.near_grazes}", "instants at which a surface is nearly met"))
+    if expected.near_grazes:
+        rows.append(("near touches", f"{len(expected.near_grazes)}", "instants at which a surface is nearly met"))
     return Table(HEADINGS, "lll", rows)
 
 
@@ -87,7 +87,8 @@ def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
         each = "the only transition" if number == 1 else f"every one of the {number}"
         return "yes", f"{each} is enclosed in ball arithmetic, and it is proven that there is no other"
     why = markdown(statement.uncertified_because).rstrip(".")
-    return (f"{statement.proven} of {number}" if statement.proven else "no"), why
+    proven = sum(event.proven for event in expected.transitions)
+    return (f"{proven} of {number}" if proven else "no"), why
 
 
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
