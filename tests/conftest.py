@@ -95,7 +95,7 @@ def made_up_solvers(monkeypatch, tmp_path):
     monkeypatch.setattr(jobs, "statement_of", statement)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     for module in worker_process, pool:  # workers have them by fork alone, which threads of earlier tests would prevent
-        monkeypatch.setattr(module, "start_method", lambda: worker_process.FORK)
+        monkeypatch.setattr(module, "start_method", lambda: "fork")
     monkeypatch.chdir(tmp_path)
     handler = signal.getsignal(signal.SIGTERM)
     yield

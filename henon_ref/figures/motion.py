@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-GRID = 121
-"""Number of grid points per side for contours of a surface."""
 _Entry = tuple[str, str, float, str]
 """Entry of a legend: label, colour, width, dashes."""
 
@@ -117,11 +115,10 @@ class _Plane:
         return [(labels[begin], slice(begin, end + 1)) for begin, end in runs_of(labels)]
 
 
-def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
-    """Draw the phase portrait in the measured window, coloured by mode; ``pair``: indices of the two states."""
+def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
+    """Draw the phase portrait in the measured window, coloured by mode; None if there is only one state."""
     system = reading.problem.system
-    pair = pair or axes_of_portrait(system)
-    if pair is None:
+    if (pair := axes_of_portrait(system)) is None:
         return None
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
@@ -247,13 +244,14 @@ def surface_curves(
     import contourpy
 
     states = [system.states[k] for k in pair]
-    across, upward = (np.linspace(low, high, GRID) for low, high in limits)
+    across, upward = (np.linspace(low, high, 121) for low, high in limits)
+    plane = np.meshgrid(across, upward)
     found: list[NDArray[np.float64]] = []
     for k, surface in enumerate(system.surfaces):
         if not states_in(system, k) or not states_in(system, k) <= set(states):
             continue
         h = sp.lambdify(states, system.numeric(surface), np)
-        values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
+        values = np.broadcast_to(np.asarray(h(*plane), dtype=float), plane[0].shape)
         if np.nanmin(values) < 0 < np.nanmax(values):
             generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
             found += [np.asarray(line) for line in generator.lines(0.0)[0]]

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MODES_TITLE = "Distance from the surface, modes shaded"
 NOTHING = 2
 """Entry that is not shaded: the panel of a state shows sticks only."""
 MODES = {
@@ -45,8 +44,9 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
         inch = 1 / height
         figure.subplots_adjust(left=0.1, right=0.965, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         over_time(panels, system, motion, [sign.name for sign in system.signs[:count]])
-        panels[0].set_title(MODES_TITLE)
-        style.describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
+        title = "Distance from the surface, modes shaded"
+        panels[0].set_title(title)
+        style.describe(figure, title, " ".join(_shares(system, motion, k) for k in range(count)))
         return figure
 
 

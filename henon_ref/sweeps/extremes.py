@@ -33,10 +33,6 @@ from henon_ref.taylor.tape import build_tape
 
 ROUNDING = 2.0**-49
 """Relative rounding error of values and bounds, with respect to the largest intermediate number."""
-MOST_PIECES = 4096
-"""Largest number of pieces of one run that are halved at a time; more occur only if rounding errors dominate."""
-MOST_NUMBERS = 1 << 22
-"""Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
 NUMPY = Ring({name: getattr(np, name) for name in FUNCTIONS}, np.power)
 """Ring of arrays of doubles."""
 
@@ -166,7 +162,7 @@ class AlongSteps:
             rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
             rows |= np.isinf(bounds.error)
             rows = np.flatnonzero(rows & ((bounds.error != 0) | (bounds.turns > 0)))
-            return rows[rank_in_run(run[rows]) < MOST_PIECES]
+            return rows[rank_in_run(run[rows]) < 4096]  # more occur only if rounding errors dominate
 
         for end in (0.0, 1.0):
             found(pieces.run, self.value(pieces, numbers, end))
@@ -270,7 +266,7 @@ class Extremes(Observation):
                 continue
             assert solution is not None
             parts.append(pieces_of(k, solution, after))
-            if sum(part.states.size for part in parts) > MOST_NUMBERS:
+            if sum(part.states.size for part in parts) > 1 << 22:  # bounds the memory; one run alone may need more
                 search()
         search()
         name = self.name or self.of

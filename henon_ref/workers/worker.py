@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 
 REPLY, COMPILING = "reply", "compiling"
 """Kinds of messages: result of a job; the job's clock stops (None) or continues (seconds of the interruption)."""
-SELDOM = 200_000
-"""Number of allocations between two garbage collections."""
 LAST_SECONDS = 5.0
 """Time to wait for killed processes to disappear [s]."""
 
@@ -222,7 +220,7 @@ def _serve(theirs: socket.socket) -> None:
 
 def collect_seldom() -> None:
     """Make garbage collections rare: imported and compiled objects stay, and scanning them costs time."""
-    gc.set_threshold(SELDOM)
+    gc.set_threshold(200_000)
 
 
 def failure_of(error: BaseException) -> Failure:

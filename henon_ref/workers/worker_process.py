@@ -25,7 +25,7 @@ from multiprocessing import current_process, get_context
 from multiprocessing import forkserver as server
 from multiprocessing.spawn import get_preparation_data
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.jit.processor_time import waited_seconds
@@ -36,21 +36,19 @@ from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Workers use one thread each: threads of linear algebra would compete with other workers."""
-FORK, SERVER, SPAWN = "fork", "forkserver", "spawn"
 SERVER_START = "henon_ref.workers.server_start"
 """First module that a fork server imports."""
-_AT_ONCE = 1 << 16
 _served = False
 """Whether this process has started a fork server."""
 _own_ends: set[socket.socket] = set()
 """Caller's ends of all channels, which a forked worker closes."""
 
 
-def start_method() -> str:
+def start_method() -> Literal["fork", "forkserver", "spawn"]:
     """Return how workers start; a process is forked only if no other thread can hold a lock."""
-    if sys.platform != "linux" or os.environ.get("HENON_REF_START") == SPAWN:
-        return SPAWN
-    return FORK if threading.active_count() == 1 and not _served else SERVER
+    if sys.platform != "linux" or os.environ.get("HENON_REF_START") == "spawn":
+        return "spawn"
+    return "fork" if threading.active_count() == 1 and not _served else "forkserver"
 
 
 def begin_server(*modules: str) -> None:
@@ -59,7 +57,7 @@ def begin_server(*modules: str) -> None:
     Only if a second core is available. It is the server of the standard library, and ends with this process.
     """
     global _served
-    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or start_method() == SPAWN:
+    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or start_method() == "spawn":
         return
     server.set_forkserver_preload([SERVER_START, *modules])
     with suppress(OSError), _fresh(main=False):  # for example, no socket can be created
@@ -138,16 +136,16 @@ class WorkerProcess:
         self.began_with: int | None = None
         self._waited: dict[int, float] = {}
         self._tail = b""
-        self._guarded = method != SPAWN
+        self._guarded = method != "spawn"
         with warnings.catch_warnings():
             # Threads of linear algebra libraries survive a fork, by handlers of these libraries.
             warnings.simplefilter("ignore", DeprecationWarning)
-            given = theirs, log, memory, self._guarded, dict(os.environ) if method == SERVER else None
+            given = theirs, log, memory, self._guarded, dict(os.environ) if method == "forkserver" else None
             context: Any = get_context(method)
             self._process = context.Process(target=_work, args=given)
-            if method == SERVER and not _served:
+            if method == "forkserver" and not _served:
                 server.set_forkserver_preload([SERVER_START, *modules])
-            with nullcontext() if method == FORK else _fresh(main=main):
+            with nullcontext() if method == "fork" else _fresh(main=main):
                 self._process.start()
         theirs.close()
         if log is not None:
@@ -187,7 +185,7 @@ class WorkerProcess:
         if self._log is None:
             return
         with suppress(BlockingIOError, ConnectionResetError):
-            printed = self._log.recv(_AT_ONCE)
+            printed = self._log.recv(1 << 16)
             self._tail = (self._tail + printed)[-4000:]
             if not printed and self._log in self._listened:
                 self._listened.remove(self._log)

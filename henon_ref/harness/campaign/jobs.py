@@ -49,8 +49,6 @@ MOST_FOLD, MOST_SPARE = 10, 100_000
 time of scoring, which takes place in the caller's process."""
 MOST_SHOWN = 40
 """Largest number of transitions in a figure of the motion; more would overlap."""
-KEPT, FIRST = "run", "first"
-"""Keys in the state of a worker: the prepared run and its problem; the first result and the limit on transitions."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +124,7 @@ def prepare(
     run = _prepared(own, problem, setting, timeout)
     took = perf_counter() - begin
     landing, version = check_prepared(run, landing=own.landing, version=version)
-    state.kept[KEPT] = run, problem
+    state.kept["run"] = run, problem
     return landing, version, took
 
 
@@ -144,7 +142,7 @@ def run_once(state: WorkerState, most: int) -> tuple[Trajectory, float]:
 
     ``most`` is the largest number of transitions that the run may return.
     """
-    run, problem = state.kept[KEPT]
+    run, problem = state.kept["run"]
     with state.off_the_clock():
         begin = run_time()
         returned = run()
@@ -152,7 +150,7 @@ def run_once(state: WorkerState, most: int) -> tuple[Trajectory, float]:
     if isinstance(run, SelfTimedRun) and run.wall_s == run.wall_s:  # not NaN
         took = check_wall_time("wall_s", run.wall_s)
     trajectory = check_trajectory(returned, problem, most=most)
-    state.kept[FIRST] = trajectory, most
+    state.kept["first"] = trajectory, most
     return trajectory, took
 
 
@@ -167,7 +165,7 @@ def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bo
     See :func:`~henon_ref.harness.campaign.timing.repeat`; the run is cold if it was the solver's first on this
     reading, so that its time ``first`` includes loading of modules.
     """
-    (run, problem), (trajectory, most) = state.kept[KEPT], state.kept[FIRST]
+    (run, problem), (trajectory, most) = state.kept["run"], state.kept["first"]
     last: list[object] = []
     with state.off_the_clock():
         samples = repeat(run, first=first, repeats=repeats, budget=BUDGET, cold=cold, result=last)

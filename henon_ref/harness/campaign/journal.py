@@ -41,9 +41,6 @@ BASELINES = "baselines"
 PACKAGES = ("henon_ref", f"henon_ref.{BASELINES}")
 LANGUAGES = (".py", ".c", ".h", ".m")
 """Suffixes of source files."""
-_CHECKSUM = re.compile(rb',"checksum":"([0-9a-f]{64})"\}\n\Z')
-_PARTS = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples": list}
-"""Names and types of the parts of a line."""
 
 
 class Journal:
@@ -119,14 +116,15 @@ def _kept(path: Path) -> tuple[dict[str, Record], list[bytes], Damaged]:
 
 def _row(line: bytes, *, case: str) -> tuple[str, Record]:
     """Parse a line into key and row; ValueError if :func:`line_of` would not write it for a row of this case."""
-    found = _CHECKSUM.search(line)
+    found = re.search(rb',"checksum":"([0-9a-f]{64})"\}\n\Z', line)
     if found is None:
         raise ValueError("it is truncated, or not written by this version")
     body = line[: found.start()] + b"}"
     if hashlib.sha256(body).hexdigest().encode() != found[1]:
         raise ValueError("its checksum is wrong")
     content = json.loads(body)
-    if not isinstance(content, dict) or {name: type(part) for name, part in content.items()} != _PARTS:
+    parts = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples": list}
+    if not isinstance(content, dict) or {name: type(part) for name, part in content.items()} != parts:
         raise ValueError("it was not written by this version")
     try:
         run = RunRow(**content["run"])
