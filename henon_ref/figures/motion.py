@@ -15,6 +15,7 @@ from henon_ref.figures import style
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Event, Samples
 
 if TYPE_CHECKING:
@@ -59,6 +60,12 @@ def _modes(times: NDArray[np.float64], transitions: Sequence[Event], given: list
     index = np.searchsorted(np.array([e.time for e in transitions]), times, side="right")
     modes = [tuple(transitions[0].from_mode), *(tuple(e.to_mode) for e in transitions)]
     return [modes[k] for k in index.tolist()]
+
+
+def values_along(system: FilippovSystem, motion: Motion, expression: sp.Expr) -> NDArray[np.float64]:
+    """Evaluate an expression in time and states at each time of a motion."""
+    function = sp.lambdify([TIME, *system.states], system.numeric(expression), np)
+    return np.broadcast_to(np.asarray(function(motion.times, *motion.states.T), dtype=float), motion.times.shape)
 
 
 def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:

@@ -6,17 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.casefile.case import Reading
 from henon_ref.expressions.traversal import size
 from henon_ref.figures import style
-from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, velocity_of, widen
+from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, values_along, velocity_of, widen
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,7 +65,8 @@ def over_time(
     for name, axes in zip(names, panels, strict=True):
         k = signs.index(name) if name in signs else system.state_names.index(name)
         if name in signs:
-            values, entries = _surface_values(system, motion, k), [_entry(mode, k) for mode in motion.modes]
+            values = values_along(system, motion, system.surfaces[k])
+            entries = [_entry(mode, k) for mode in motion.modes]
         else:
             own = _surfaces_about(system, k)
             values = motion.states[:, k]
@@ -104,11 +103,6 @@ def _surfaces_about(system: FilippovSystem, k: int) -> list[int]:
     own = [system.states[k], *([] if rate is None else [system.states[rate]])]
     every = range(len(system.surfaces))
     return [i for i in every if system.surfaces[i].has(*own)] or list(every)
-
-
-def _surface_values(system: FilippovSystem, motion: Motion, k: int) -> NDArray[np.float64]:
-    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), np)
-    return np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
 
 
 def _surface_label(system: FilippovSystem, k: int) -> str:
