@@ -107,13 +107,6 @@ class WorkerProcess:
         Whether jobs contain objects of the caller's main module.
     modules : sequence of str
         Modules that it must have imported.
-
-    Attributes
-    ----------
-    ended : int or None
-        Exit status, set when the worker has ended; all data that it has sent can then be read.
-    began_with : int or None
-        Memory of the worker at its start [bytes]; None until it has started.
     """
 
     def __init__(self, memory: int | None = None, *, main: bool = False, modules: Sequence[str] = ()) -> None:
@@ -132,8 +125,10 @@ class WorkerProcess:
         self._listened = [end for end in (ours, self._log) if end is not None]
         _own_ends.update(self._listened)
         self.ended: int | None = None
+        """Exit status, set when the worker has ended; all data that it has sent can then be read."""
         self.asked = time.monotonic()
         self.began_with: int | None = None
+        """Memory of the worker at its start [bytes]; None until it has started."""
         self._waited: dict[int, float] = {}
         self._tail = b""
         self._guarded = method != "spawn"

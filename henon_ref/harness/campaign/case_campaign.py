@@ -40,17 +40,7 @@ Draw = Callable[[ReadingResult, list[Record]], Job]
 
 
 class CaseCampaign:
-    """Campaign of one case: its truths, its rows, from the journal or from workers, and its figures.
-
-    Attributes
-    ----------
-    results : dict
-        Name of a reading -> its results, in the order of the case.
-    rows, keys : dict
-        Slot -> finished row, and the key of the row in the journal.
-    pending : Counter
-        Reading -> number of unfinished job sequences.
-    """
+    """Campaign of one case: its truths, its rows, from the journal or from workers, and its figures."""
 
     def __init__(
         self,
@@ -66,10 +56,13 @@ class CaseCampaign:
         self.readings = [reading for reading in case.readings if chosen_solvers(reading, options)]
         self.statements: dict[str, jobs.Statement] = {}
         self.results: dict[str, ReadingResult] = {}
+        """By name of the reading, in the order of the case."""
         self.journal: Journal | None = None
         self.rows: dict[Slot, Record] = {}
         self.keys: dict[Slot, str] = {}
+        """Keys of the rows in the journal."""
         self.pending: Counter[str] = Counter()
+        """Reading -> number of unfinished job sequences."""
         self.delivered = False
 
     def fetch_truths(self) -> int:

@@ -44,14 +44,9 @@ LANGUAGES = (".py", ".c", ".h", ".m")
 
 
 class Journal:
-    """Journal of the finished rows of one case.
+    """Journal of the finished rows of one case, in its report folder, which is named after the case.
 
-    Parameters
-    ----------
-    folder : Path
-        Report folder of the case, named after the case; created with the first row.
-    resume : bool
-        Whether to use the rows of an existing journal; if False, the first new row replaces them.
+    With ``resume``, the rows of an existing journal are used; otherwise the first new row replaces them.
     """
 
     def __init__(self, folder: Path, *, resume: bool) -> None:
@@ -67,13 +62,7 @@ class Journal:
         return self._rows.get(key)
 
     def add(self, key: str, record: Record) -> None:
-        """Write a finished row to the disk.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written; earlier rows are not affected.
-        """
+        """Write a finished row to the disk; if that raises an OSError, earlier rows are not affected."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("ab" if self._started else "wb") as file:
             file.write(line_of(key, record))
