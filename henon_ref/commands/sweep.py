@@ -20,6 +20,7 @@ from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, exit_status, parsed
 from henon_ref.commands.typer_app import FLAG, application, examples, path_of
 from henon_ref.errors import CaseError
+from henon_ref.workers import ONE_THREAD
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.plan import Plan
@@ -77,8 +78,8 @@ def main(
 
 def program(arguments: Sequence[str] | None = None, around: Around | None = None) -> int:
     """Run the command and return its exit status."""
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as in the workers
-        os.environ.setdefault(name, "1")
+    for name, one in ONE_THREAD.items():  # as in the workers
+        os.environ.setdefault(name, one)
     act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
     kept = "finished chunks are kept, --resume continues from them"
     return exit_status(act, name="sweep", arguments=arguments, kept=kept)

@@ -30,12 +30,11 @@ from typing import Any, Literal
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
+from henon_ref.workers import ONE_THREAD
 from henon_ref.workers.channel import LARGEST, Channel
 from henon_ref.workers.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Workers use one thread each: threads of linear algebra would compete with other workers."""
 SERVER_START = "henon_ref.workers.server_start"
 """First module that a fork server imports."""
 _served = False

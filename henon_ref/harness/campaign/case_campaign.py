@@ -186,14 +186,15 @@ class CaseCampaign:
         landing, version, took = prepared
         outcome = replace(outcome, landing=landing, library_version=version, compile_s=took)
         most = jobs.MOST_SPARE + jobs.MOST_FOLD * (0 if expected is None else len(expected.transitions))
-        ran = yield Job(jobs.run_once, (most,), jobs.run_seconds(options.timeout), rests=True)
+        seconds = 1.25 * options.timeout + 1.0  # a little longer than the deadline that the solver should keep
+        ran = yield Job(jobs.run_once, (most,), seconds, rests=True)
         if isinstance(ran, Failure):
             return replace(outcome, failure=ran)
         trajectory, wall_s = ran
         outcome = scored(replace(outcome, trajectory=trajectory), expected)
         if outcome.score is None or outcome.score.verdict != RIGHT or not options.timed:
             return replace(outcome, samples=(wall_s,) if trajectory.status not in ("timeout", "failed") else ())
-        seconds = jobs.repeats_seconds(wall_s, options.repeats)
+        seconds = jobs.SPARE_SECONDS + 4.0 * (jobs.BUDGET + wall_s * (options.repeats or 3))
         samples = yield Job(jobs.time_repeats, (wall_s, options.repeats, cold), seconds, rests=True)
         if isinstance(samples, Failure):
             return replace(outcome, repeat_failure=samples)

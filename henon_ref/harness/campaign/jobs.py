@@ -154,11 +154,6 @@ def run_once(state: WorkerState, most: int) -> tuple[Trajectory, float]:
     return trajectory, took
 
 
-def run_seconds(timeout: float) -> float:
-    """Return the time limit of :func:`run_once` [s], a little longer than the deadline that the solver should keep."""
-    return 1.25 * timeout + 1.0
-
-
 def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bool) -> tuple[float, ...]:
     """Job: repeat the prepared run for its wall time; return the samples [s].
 
@@ -172,11 +167,6 @@ def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bo
     for returned in last:
         check_repeated(returned, problem, trajectory, most=most)
     return samples
-
-
-def repeats_seconds(first: float, repeats: int | None) -> float:
-    """Return the time limit of :func:`time_repeats` [s]."""
-    return SPARE_SECONDS + 4.0 * (BUDGET + first * (repeats or 3))
 
 
 def sample(
