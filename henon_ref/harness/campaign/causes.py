@@ -1,7 +1,7 @@
 """Assign a verified cause to a run that is wrong through a fault of its solver.
 
 Each cause in :mod:`henon_ref.baselines.causes` is a minimal run of the library alone. :data:`PATTERNS` lists the
-symptoms, in the row and the transitions of a run, that identify a cause uniquely; other runs stay unexplained.
+symptoms that identify a cause uniquely. A run without a matching pattern stays unexplained.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from itertools import groupby, takewhile
 from henon_ref.harness import registry
 from henon_ref.harness.rows import RunRow, TransitionRow, number
 
+Rows = Sequence[TransitionRow]
 OFF = 3.0
 """Largest error of a time found by siconos [steps]; the cause siconos-step shows a smaller one."""
-Rows = Sequence[TransitionRow]
 
 
 class WrongRun:
@@ -35,7 +35,7 @@ class WrongRun:
         )
         self.end, self.step, self.steps = number(run.end_time_s), number(run.step_s), number(run.steps)
         self.solver = registry.base_name(run.solver).partition("+")[0]
-        """Name of the solver without restart and variant."""
+        """Name without restart and variant."""
 
     def found(self, pattern: str) -> re.Match[str] | None:
         """Search the reason of the run for a regular expression."""
@@ -84,12 +84,11 @@ class WrongRun:
 
         An event of another surface then stopped the library between the two roots, where the guard is negative.
         """
-        if self.run.status != "failed" or not self.found("was stepped over") or self.run.spurious != 0:
-            return []
         own = [row for row in self.missed if row.surface == self.missed[0].surface][:2]
-        first, last = (_exact(own[0]), _exact(own[-1])) if own else (math.nan, math.nan)
-        near = last - first < self.end / max(self.steps, 1.0)
-        return own if len(own) == 2 and first <= self.end <= last and near else []
+        if self.run.status != "failed" or not self.found("was stepped over") or self.run.spurious or len(own) < 2:
+            return []
+        first, last = map(_exact, own)
+        return own if first <= self.end <= last and last - first < self.end / max(self.steps, 1.0) else []
 
 
 def _exact(row: TransitionRow) -> float:
@@ -102,9 +101,10 @@ def within_one_step(wrong: WrongRun) -> bool:
 
 
 def double_root(wrong: WrongRun) -> bool:
-    """heyoka isolates all roots, so the missed ones coincide in its rounding (by depth, relative to the state)."""
+    """heyoka isolates all roots of a polynomial, so the missed roots coincide in its rounding."""
     rows = wrong.stopped_between or [row for group in wrong.missed_pairs for row in group]
-    return max((row.graze_distance for row in rows if row.graze_distance is not None), default=math.inf) <= 1e-15
+    depths = [row.graze_distance for row in rows if row.graze_distance is not None]
+    return max(depths, default=math.inf) <= 1e-15
 
 
 def before_a_pole(wrong: WrongRun) -> bool:
@@ -125,11 +125,11 @@ def past_the_end(wrong: WrongRun) -> bool:
 def within_the_band(wrong: WrongRun) -> bool:
     """The transitions around the first wrong one of a surface differ by less than the width of the band.
 
-    The state within the band, from which :mod:`henon_ref.baselines.scipy_naive` reads its transitions, is uncertain by
-    its width. True as well if an earlier transition other than a release is off by more than the errors of all steps
-    explain; releases are late for another reason.
+    The state within the band is uncertain by its width. True as well if an earlier transition other than a release is
+    off by more than the errors of all steps explain; releases are late for another reason.
     """
-    band = {"scipy-smoothed": 2000.0, "scipy-sign": 400.0}[wrong.solver] * number(wrong.run.atol)  # half-width
+    # The half-width of the band from which the solver reads its transitions (baselines/scipy_naive).
+    band = {"scipy-smoothed": 2000.0, "scipy-sign": 400.0}[wrong.solver] * number(wrong.run.atol)
     for surface in {row.surface for row in wrong.rows}:
         own = [row for row in wrong.rows if row.surface == surface]
         first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
@@ -219,9 +219,9 @@ def time_stepping(wrong: WrongRun) -> bool:
     last = wrong.end - OFF * wrong.step
     behind = run.missed == 0 and bool(wrong.spurious) and all(number(row.time_s) >= last for row in wrong.spurious)
     early = run.status == "failed" and run.expected_status == "invalid" and run.missed == run.spurious == 0
-    valueless = wrong.found("^(ZeroDivisionError|ValueError: math domain error)") is not None
+    valueless = early and wrong.found("^(ZeroDivisionError|ValueError: math domain error)") is not None
     slow = run.status == "timeout" and run.spurious == 0
-    return bool(wrong.missed_pairs) or slow or (alone and (within or behind)) or (early and valueless)
+    return bool(wrong.missed_pairs) or slow or (alone and (within or behind)) or valueless
 
 
 def over_a_blow_up(wrong: WrongRun) -> bool:
@@ -331,7 +331,8 @@ PATTERNS = (
     Pattern("octave-nan", OCTAVE, "went on past", ends="failed", right=True),
     Pattern("octave-nan-state", OCTAVE, NOT_FINITE, right=True),
     Pattern("octave-first-step", OCTAVE, status="wrong", right=True, when=in_the_first_step),
-    Pattern("octave-line", OCTAVE, status="wrong", when=lambda wrong: any(is_off(wrong, row) for row in wrong.matched)),
+    Pattern("octave-line", OCTAVE, status="wrong",
+            when=lambda wrong: any(is_off(wrong, row) for row in wrong.matched)),
     Pattern("siconos-rounding", SICONOS, f"{LOST_SIGN}.*which the rounding of a step moves as far"),
     Pattern("siconos-steep", SICONOS, LOST_SIGN),
     Pattern("siconos-step", SICONOS, when=time_stepping),
@@ -343,7 +344,7 @@ PATTERNS = (
 
 def cause_of(run: RunRow, transitions: Rows) -> str | None:
     """Return the name of the cause of a run that is wrong or too slow; None if no cause is certain."""
-    if run.verdict not in ("solver defect", "not judged"):  # a run that was too slow can have a known cause, too
+    if run.verdict not in ("solver defect", "not judged"):  # a run that was too slow is not judged
         return None
     wrong = WrongRun(run, transitions)
     return next((pattern.cause for pattern in PATTERNS if pattern.fits(wrong)), None)
