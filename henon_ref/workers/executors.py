@@ -49,21 +49,10 @@ def finished(
 ) -> Generator[tuple[int, Any], None, None]:
     """Execute tasks, and yield the number of each and the value of its function as they finish.
 
-    Parameters
-    ----------
-    function : callable
-        Function of a module, so that workers can import it by name.
-    tasks : iterable of Task
-        Consumed as workers become free, so that memory does not grow with the number of tasks.
-    executor : Executor or Client, optional
-        Used instead of worker processes; it is not shut down.
-    jobs : int
-        Number of worker processes; with 1, the tasks run in this process.
-
-    Raises
-    ------
-    EndedError
-        If workers die repeatedly, or the executor ends. Exceptions of a task propagate.
+    The function belongs to a module, so that workers can import it by name. Tasks are consumed as workers become free,
+    so that memory does not grow with their number. ``executor``, an Executor or a Dask Client, replaces the worker
+    processes, and is not shut down. With one job, the tasks run in this process. EndedError if workers die repeatedly,
+    or the executor ends; exceptions of a task propagate.
     """
     if executor is not None:
         yield from _on_executor(function, tasks, executor)

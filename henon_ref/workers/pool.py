@@ -86,18 +86,10 @@ class _Task:
 
 
 class WorkerPool:
-    """Runs sequences of jobs, several at a time.
+    """Runs sequences of jobs, each in one of at most ``workers`` workers.
 
-    Parameters
-    ----------
-    workers : int
-        Largest number of workers at a time.
-    memory : int, optional
-        Largest memory of one worker with its descendants [bytes]; None: unlimited.
-    main : bool
-        Whether jobs contain objects of the caller's main module.
-    modules : sequence of str
-        Modules that workers must have imported.
+    ``memory`` is the largest memory of one worker with its descendants [bytes], None: unlimited; ``main``: whether jobs
+    contain objects of the caller's main module; ``modules``: modules that workers must have imported.
     """
 
     def __init__(

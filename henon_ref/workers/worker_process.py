@@ -96,16 +96,10 @@ def _work(*arguments: Any) -> None:
 
 
 class WorkerProcess:
-    """A worker as seen by its caller.
+    """A worker as seen by its caller; ``main`` and ``modules`` as in :class:`~henon_ref.workers.pool.WorkerPool`.
 
-    Parameters
-    ----------
-    memory : int, optional
-        Limit on its data [bytes]; the end of its output is then kept. None: no limit, and its output is not captured.
-    main : bool
-        Whether jobs contain objects of the caller's main module.
-    modules : sequence of str
-        Modules that it must have imported.
+    ``memory`` is a limit on its data [bytes], and the end of its output is then kept. None: no limit, and its output is
+    not captured.
     """
 
     def __init__(self, memory: int | None = None, *, main: bool = False, modules: Sequence[str] = ()) -> None:
