@@ -10,7 +10,6 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
@@ -122,9 +121,8 @@ class _Plane:
         return [(labels[begin], slice(begin, end + 1)) for begin, end in runs_of(labels)]
 
 
-def draw_portrait(reading: Reading, motion: Motion) -> Figure | None:
+def draw_portrait(system: FilippovSystem, motion: Motion) -> Figure | None:
     """Draw the phase portrait in the measured window, coloured by mode; None if there is only one state."""
-    system = reading.problem.system
     if (pair := axes_of_portrait(system)) is None:
         return None
     with style.figure(4.3, width=5.6) as figure:

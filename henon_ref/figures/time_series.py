@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.casefile.case import Reading
 from henon_ref.expressions.traversal import size
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, values_along, velocity_of, widen
@@ -32,9 +31,8 @@ MOST_SURFACES = 4
 """Largest number of surfaces in a figure, one panel each."""
 
 
-def draw_modes(reading: Reading, motion: Motion) -> Figure:
+def draw_modes(system: FilippovSystem, motion: Motion) -> Figure:
     """Draw h of every surface over time in the measured window, with shaded modes."""
-    system = reading.problem.system
     count = min(len(system.surfaces), MOST_SURFACES)
     height = 0.85 + 1.55 * count
     with style.figure(height) as figure:

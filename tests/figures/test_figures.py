@@ -73,11 +73,11 @@ def test_every_transition_is_a_vertex_of_the_curves(name):
 
     h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[0]))
     times = np.array([event.time for event in inside])
-    figure = draw_modes(reading, motion)
+    figure = draw_modes(reading.problem.system, motion)
     heights = np.broadcast_to(h(times, *states.T), times.shape)
     assert farthest(np.column_stack([times, heights]), drawn_vertices(figure, figure.axes[0])) < TOLERANCE
 
-    portrait = draw_portrait(reading, motion)
+    portrait = draw_portrait(system, motion)
     plane = states[:, list(axes_of_portrait(system))]
     assert farthest(plane, drawn_vertices(portrait, portrait.axes[0])) < TOLERANCE
 
@@ -85,7 +85,7 @@ def test_every_transition_is_a_vertex_of_the_curves(name):
 def test_an_arc_is_as_smooth_as_its_samples():
     """No sample in between is left out, near a transition or away from one."""
     reading, _, motion = moved("equations")
-    figure = draw_modes(reading, motion)
+    figure = draw_modes(reading.problem.system, motion)
     drawn = drawn_vertices(figure, figure.axes[0])
     gaps = [b[0] - a[0] for a, b in pairwise(drawn.tolist())]
     assert max(gaps) <= 1.01 * np.diff(motion.times).max()

@@ -122,7 +122,7 @@ class CaseCampaign:
         ):
             slot = (reading.name, name, setting)
             self.keys[slot] = row_key(shared, name, version, setting, options)
-            kept = self.journal.get(self.keys[slot]) if self.journal else None
+            kept = self.journal.rows.get(self.keys[slot]) if self.journal else None
             skipped = kept is not None and (kept.run.status_reason or "").startswith(NOT_RUN)
             if kept is None or (skipped and self._is_demanded(reading, name)):
                 waiting.append(setting)

@@ -51,15 +51,13 @@ class Journal:
 
     def __init__(self, folder: Path, *, resume: bool) -> None:
         self.path = folder / FILE
-        self._rows: dict[str, Record] = {}
+        self.rows: dict[str, Record] = {}
+        """By key, those of earlier runs."""
         self._started = resume
         if resume:
-            self._rows, intact, damaged = _kept(self.path)
+            self.rows, intact, damaged = _kept(self.path)
             if damaged:
                 _set_aside(self.path, intact, damaged)
-
-    def get(self, key: str) -> Record | None:
-        return self._rows.get(key)
 
     def add(self, key: str, record: Record) -> None:
         """Write a finished row to the disk; if that raises an OSError, earlier rows are not affected."""

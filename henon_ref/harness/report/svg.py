@@ -35,7 +35,8 @@ def draw_figures(state: WorkerState, result: ReadingResult, records: list[Record
     if reading.scene is not None:
         drawn["scene"] = draw_scene(reading.scene)
     if motion is not None:
-        drawn |= {"portrait": draw_portrait(reading, motion), "modes": draw_modes(reading, motion)}
+        system = reading.problem.system
+        drawn |= {"portrait": draw_portrait(system, motion), "modes": draw_modes(system, motion)}
     if expected is not None:
         drawn["errors"] = draw_errors([(record.run, record.transitions) for record in records], expected)
         drawn["cost"] = draw_cost([record.run for record in records], expected)

@@ -145,7 +145,7 @@ def test_a_damaged_line_is_told_and_set_aside_and_the_others_are_used(tmp_path, 
     assert (path.parent / SET_ASIDE).read_bytes().rstrip() == line.rstrip()
     journal.add("c", ROW)
     caplog.clear()
-    assert Journal(path.parent, resume=True).get("c") == ROW
+    assert Journal(path.parent, resume=True).rows["c"] == ROW
     assert not caplog.messages
     assert read(path) == {"a": ROW, "c": ROW}
 

@@ -43,7 +43,7 @@ def logs(monkeypatch, tmp_path_factory) -> Path:
 
 COMMANDS = {
     "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
-    "truth": (truth_command, truth_command, "read_cases"),
+    "truth": (truth_command, truth_command, "load_cases"),
     "study": (importlib.import_module("henon_ref.harness.cli.study"), folder, "check_writable"),
     "check": (check, check, "load_cases"),
 }
