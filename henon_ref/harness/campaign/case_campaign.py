@@ -9,7 +9,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
@@ -24,6 +24,9 @@ from henon_ref.harness.score.verdict import RIGHT
 from henon_ref.solver import Solver
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job
+
+if TYPE_CHECKING:
+    from henon_ref.harness.truth import Truth
 
 _LOG = logging.getLogger(__name__)
 
@@ -54,7 +57,7 @@ class CaseCampaign:
         self.case, self.options, self.pool, self.observer = case, options, pool, observer
         self.deliver, self.draw = deliver, draw
         self.readings = [reading for reading in case.readings if chosen_solvers(reading, options)]
-        self.statements: dict[str, jobs.Statement] = {}
+        self.truths: dict[str, Truth | Failure] = {}
         self.results: dict[str, ReadingResult] = {}
         """By name of the reading, in the order of the case."""
         self.journal: Journal | None = None
@@ -67,27 +70,26 @@ class CaseCampaign:
 
     def fetch_truths(self) -> int:
         """Read the stored truth of every reading; queue those that are not stored, and return their number."""
+        from henon_ref.harness.truth.compute import stored_truth
+
         for reading in self.readings:
-            stored = jobs.stored_statement(self.case, reading)
+            stored = stored_truth(self.case, reading)
             if stored is None:
                 self.pool.add("truths", self._truth(reading))
             else:
-                self.statements[reading.name] = stored
-        return len(self.readings) - len(self.statements)
+                self.truths[reading.name] = stored
+        return len(self.readings) - len(self.truths)
 
     def _truth(self, reading: Reading) -> Jobs:
         """Compute the truth of a reading; if that fails, the runs are not scored and the report gives the reason."""
         self.observer.begun(self.case.name, f"{reading.name} {TRUTH}")
-        found: jobs.Statement | Failure = yield Job(jobs.fetch_truth, (self.case, reading), jobs.TRUTH_SECONDS)
-        if isinstance(found, Failure):
-            found = jobs.Statement(None, reason=found.reason)
-        self.statements[reading.name] = found
+        self.truths[reading.name] = yield Job(jobs.fetch_truth, (self.case, reading), jobs.TRUTH_SECONDS)
         self.observer.truth(f"{self.case.name} {reading.name}")
 
     def queue_runs(self) -> int:
         """Queue the runs that the journal does not hold, and the samples for figures; return the number of runs."""
         options = self.options
-        self.results = {own.name: ReadingResult(own, self.statements[own.name]) for own in self.readings}
+        self.results = {own.name: ReadingResult(own, self.truths[own.name]) for own in self.readings}
         if options.folder is not None:
             self.journal = Journal(options.folder / self.case.name, resume=options.resume)
         by_solver: dict[str, list[tuple[ReadingResult, Jobs]]] = {}

@@ -7,7 +7,6 @@ whether to time it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,6 @@ from henon_ref.harness.campaign.contract_check import (
 )
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import repeat
-from henon_ref.harness.score.reference import Expected
 from henon_ref.jit.processor_time import run_time
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run, SelfTimedRun, Solver
@@ -51,63 +49,16 @@ MOST_SHOWN = 40
 """Largest number of transitions in a figure of the motion; more would overlap."""
 
 
-@dataclass(frozen=True)
-class Statement:
-    """Truth of one reading, and its description for the report."""
-
-    expected: Expected | None
-    """None if no truth is available."""
-    methods: tuple[tuple[str, tuple[int, ...], float], ...] = ()
-    """(method, bits, time taken [s]) of every method; the first one gives the digits."""
-    certified: bool = False
-    """Whether every transition has a proven radius, and it is proven that no other transition exists."""
-    reason: str = ""
-    """Reason why no truth is available, or why the exact run ends before the horizon."""
-    uncertified_because: str = ""
+def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Truth:
+    """Job: :func:`truth_of`."""
+    return truth_of(case, reading)
 
 
-def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Statement:
-    """Job: :func:`statement_of`."""
-    return statement_of(case, reading)
-
-
-def statement_of(case: Case, reading: Reading) -> Statement:
+def truth_of(case: Case, reading: Reading) -> Truth:
     """Return the truth of a reading; compute it if it is not stored."""
     from henon_ref.harness.truth import truth_for
 
-    return _statement(reading, truth_for(case, reading))
-
-
-def stored_statement(case: Case, reading: Reading) -> Statement | None:
-    """Return the stored truth of a reading; None if it is not stored."""
-    from henon_ref.harness.truth.compute import stored_truth
-
-    stored = stored_truth(case, reading)
-    return None if stored is None else _statement(reading, stored)
-
-
-def _statement(reading: Reading, truth: Truth) -> Statement:
-    """Convert a truth to the form that scoring uses."""
-    problem = reading.problem
-    # If the case does not state that the exact run fails, it was the computation of the truth that failed.
-    partial = truth.status == "failed" and (reading.expect is None or reading.expect.status != "failed")
-    expected = Expected(
-        status="ok" if partial else truth.status,
-        transitions=truth.transitions,
-        start=float(problem.start),
-        until=float(problem.until),
-        end_time=truth.end_time,
-        near_grazes=truth.near_grazes,
-        start_size=max((abs(float(value)) for value in problem.initial), default=0.0),
-        partial=partial,
-    )
-    return Statement(
-        expected,
-        methods=truth.methods,
-        certified=truth.certified,
-        reason=truth.reason,
-        uncertified_because=truth.uncertified_because,
-    )
+    return truth_for(case, reading)
 
 
 def prepare(

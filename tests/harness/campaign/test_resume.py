@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint
 from types import SimpleNamespace
 
 import pytest
-from fakes import CASE, TIMES, Fake, case, statement
+from fakes import CASE, TIMES, Fake, case, truth
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import jobs, journal
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(jobs, "statement_of", statement)
+    monkeypatch.setattr(jobs, "truth_of", truth)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:
