@@ -121,9 +121,10 @@ class _Plane:
         return [(labels[begin], slice(begin, end + 1)) for begin, end in runs_of(labels)]
 
 
-def draw_portrait(system: FilippovSystem, motion: Motion) -> Figure | None:
-    """Draw the phase portrait in the measured window, coloured by mode; None if there is only one state."""
-    if (pair := axes_of_portrait(system)) is None:
+def draw_portrait(system: FilippovSystem, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
+    """Draw the phase portrait in the measured window, coloured by mode; ``pair``: indices of the two states."""
+    pair = pair or axes_of_portrait(system)
+    if pair is None:
         return None
     with style.figure(4.3, width=5.6) as figure:
         axes = figure.add_axes((0.13, 0.12, 0.84, 0.74))
