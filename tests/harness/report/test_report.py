@@ -28,7 +28,7 @@ from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import report_text, write_report
-from henon_ref.harness.report.svg import draw_figures
+from henon_ref.harness.report.svg import figure_job
 from henon_ref.harness.report.text.gate import gate_table, why_unchecked
 from henon_ref.harness.report.text.model import mode_equations
 from henon_ref.harness.report.text.tables import price_table, run_table
@@ -174,7 +174,8 @@ def figures(comparison: Comparison, **changes: object) -> dict[str, bytes]:
     times = np.linspace(1.0, 5.0, 81)
     samples = Samples(times, np.sin(times)[:, None], None)
     given = {"result": replace(comparison.readings[0], samples=samples), "records": comparison.records}
-    return draw_figures(WorkerState(lambda kind, value: None), **given | changes)
+    job = figure_job(**given | changes)
+    return job.function(WorkerState(lambda kind, value: None), *job.arguments)
 
 
 def test_figures_are_the_same_bytes_for_the_same_data(comparison):
