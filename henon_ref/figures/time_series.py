@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-NOTHING = 2
-"""Entry that is not shaded: the panel of a state shows sticks only."""
 MODES = {
     0: ("stick", style.STICK_SHADE),
     1: ("slip, s = +1", style.PLUS_SHADE),
@@ -59,16 +57,17 @@ def over_time(
     line = {"color": style.BLACK, "linewidth": 1.1, "zorder": 2} | normalize_kwargs(line, Line2D)
     signs = [sign.name for sign in system.signs]
     window = float(motion.times[0]), float(motion.times[-1])
-    shown: set[int] = set()
+    shown: set[int | None] = set()
     for name, axes in zip(names, panels, strict=True):
         k = signs.index(name) if name in signs else system.state_names.index(name)
+        entries: list[int | None]  # None: not shaded
         if name in signs:
             values = values_along(system, motion, system.surfaces[k])
             entries = [_entry(mode, k) for mode in motion.modes]
         else:
             own = _surfaces_about(system, k)
             values = motion.states[:, k]
-            entries = [0 if any(_entry(mode, i) == 0 for i in own) else NOTHING for mode in motion.modes]
+            entries = [0 if any(_entry(mode, i) == 0 for i in own) else None for mode in motion.modes]
         widen(axes, window, limits_around(values))
         _shade(axes, motion, entries)
         if name in signs:
@@ -76,7 +75,7 @@ def over_time(
         axes.plot(motion.times, values, **line)
         axes.grid(visible=False)
         axes.set_ylabel(_surface_label(system, k) if name in signs else symbol(system, k))
-        shown |= set(entries) - {NOTHING}
+        shown |= set(entries) - {None}
     panels[-1].set_xlabel("time t [s]")
     if shown and "label" not in line:
         _mode_legend(panels[0], shown)
@@ -109,18 +108,19 @@ def _surface_label(system: FilippovSystem, k: int) -> str:
     return f"${latex(system.signs[k])}$:  $h{formula}$"
 
 
-def _shade(axes: Axes, motion: Motion, entries: Sequence[int]) -> None:
+def _shade(axes: Axes, motion: Motion, entries: Sequence[int | None]) -> None:
     """Shade sticks and slips with s = +1."""
     for begin, end in runs_of(entries):
-        if entries[begin] in (0, 1):
-            axes.axvspan(motion.times[begin], motion.times[end], color=MODES[entries[begin]][1], lw=0, zorder=0)
+        entry = entries[begin]
+        if entry is not None and entry >= 0:
+            axes.axvspan(motion.times[begin], motion.times[end], color=MODES[entry][1], lw=0, zorder=0)
 
 
 def _entry(mode: Mode, k: int) -> int:
     return mode[k] if k < len(mode) else -1
 
 
-def _mode_legend(axes: Axes, present: set[int]) -> None:
+def _mode_legend(axes: Axes, present: set[int | None]) -> None:
     from matplotlib.patches import Patch
 
     handles = [
