@@ -20,17 +20,15 @@ from henon_ref.workers.worker import Failure
 if TYPE_CHECKING:
     from henon_ref.harness.truth import Truth
 
-HEADINGS = ("truth", "value", "note")
-
 
 def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
     """Make the table of the exact run: end, transitions, certification and methods of computation.
 
     If the transitions are not certified, the table names the independent solvers in ``runs`` that confirm their modes.
     """
-    truth, expected = result.truth, result.expected
+    headings, truth, expected = ("truth", "value", "note"), result.truth, result.expected
     if isinstance(truth, Failure) or expected is None:
-        return Table(HEADINGS, "lll", [("exact run", "none, nothing is scored", _reason(result))])
+        return Table(headings, "lll", [("exact run", "none, nothing is scored", _reason(result))])
     touches = sum(event.kind == "graze" for event in expected.transitions)
     ended = "the truth ends there" if expected.partial else ""
     rows = [
@@ -53,7 +51,7 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
         rows.append(("computed by", method, note))
     if expected.near_grazes:
         rows.append(("near touches", f"{len(expected.near_grazes)}", "instants at which a surface is nearly met"))
-    return Table(HEADINGS, "lll", rows)
+    return Table(headings, "lll", rows)
 
 
 def _confirms(run: RunRow) -> bool:
