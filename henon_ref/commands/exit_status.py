@@ -139,11 +139,12 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
     return DONE if result is None else result
 
 
-def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
+def command_of(app: Callable[..., Any], name: str, *, kept: str = "") -> Callable[..., int]:
     """Return the subcommand of a typer application: a function of its arguments that returns the exit status."""
 
-    def command(arguments: Sequence[str] | None = None) -> int:
-        return exit_status(lambda: int(parsed(app, arguments, name=name)), name=name, arguments=arguments)
+    def command(arguments: Sequence[str] | None = None, *, obj: Any = None) -> int:
+        act = lambda: int(parsed(app, arguments, name=name, obj=obj))  # noqa: E731
+        return exit_status(act, name=name, arguments=arguments, kept=kept)
 
     return command
 
