@@ -63,7 +63,7 @@ class Driver:
         self.start, self.until = float(problem.start), float(problem.until)
         self.initial = tuple(float(v) for v in problem.initial)
         self.table = ModeTable(problem.system, library, work, self.until - self.start, known)
-        self.decision = initial_mode(self.table.in_doubles, problem.start, problem.initial, problem.initial_mode)
+        self.decision = initial_mode(self.table.in_doubles.at_start(problem), problem)
         self._first: tuple[Mode, ModeEntry, tuple[Fresh, ...]] | None = None
         if self.decision.mode is not None:
             try:

@@ -250,7 +250,7 @@ def _model(casadi: Any, problem: Problem, clocked: bool) -> dict[str, Any]:
         return casadi.vertcat(*values)
 
     def field(region: tuple[int, ...]) -> Any:
-        signs = {s: sp.Integer(value) for s, value in zip(system.signs, region, strict=True)}
+        signs = system.entries(region)
         rates = converted([f.xreplace(signs) for f in system.field])
         return casadi.vertcat(rates, 1.0) if clocked else rates
 

@@ -227,7 +227,7 @@ class _IdaMode(_SundialsMode):
 def _convex(model: ModeFunctions, sliding: Sequence[int]) -> tuple[tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
     """Return the field and the conditions ``0 = c`` in the states and the equivalent signs of ``sliding`` surfaces."""
     system = model.system
-    slip = {s: sp.Integer(v) for s, v in zip(system.signs, model.mode, strict=True) if v}
+    slip = system.slip_signs(model.mode)
     ties = {system.signs[j]: way * system.signs[i] for j, (i, way) in system.multiples.items() if j in sliding}
     free = {system.signs[i] for i in sliding} - set(ties)
 

@@ -63,10 +63,7 @@ def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
     """
     states = system.states
     h, normal = system.numeric(system.surfaces[index]), normal_velocity(system, index)
-    sides = [
-        normal.xreplace({s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)})
-        for side in (-1, 1)
-    ]
+    sides = [normal.xreplace(system.entries(replaced(mode, index, side))) for side in (-1, 1)]
     gradient = [sp.diff(h, x) for x in states]
     square = sp.Add(*(d**2 for d in gradient))
     if not square.is_number:

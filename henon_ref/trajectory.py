@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.modes.kinks import HiddenKinks, visible
+from henon_ref.modes.kinks import shown_mode, visible
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
@@ -186,7 +186,7 @@ def without_hidden_kinks(found: Trajectory, system: FilippovSystem) -> Trajector
     """Remove transitions on kinks that another branch hides (see :mod:`henon_ref.modes.kinks`)."""
     if not system.kinks:
         return found
-    end_mode = HiddenKinks(system).shown(found.end_mode)
+    end_mode = shown_mode(system, found.end_mode)
     return found._replace(transitions=visible(system, found.transitions), end_mode=end_mode)
 
 

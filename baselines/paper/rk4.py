@@ -161,7 +161,7 @@ class _Integration:
     def run(self) -> Trajectory:
         """Integrate to the horizon, or to an earlier end."""
         problem = self.plan.problem
-        decision = initial_mode(self.plan.in_doubles, problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(self.plan.in_doubles.at_start(problem), problem)
         recent: deque[float] = deque(maxlen=CROWDED)
         while decision.mode is not None:
             self.mode = decision.mode

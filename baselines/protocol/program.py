@@ -77,7 +77,7 @@ class ProgramSolver:
         if (step is None) == self.fixed_step or (rtol is None) != self.fixed_step:
             driver = "step" if self.fixed_step else "rtol (and atol)"
             raise UnsupportedError(f"{self.name} is driven by {driver} alone")
-        decision = initial_mode(in_doubles(problem.system), problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(in_doubles(problem.system).at_start(problem), problem)
         if decision.mode is None:
             initial = tuple(float(v) for v in problem.initial)
             nowhere = (0,) * len(problem.system.surfaces)

@@ -24,6 +24,7 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.system.python_values import written
 from henon_ref.trajectory import Status
@@ -123,6 +124,7 @@ def lyapunov_spectrum(problem: Problem, *, discard: float, span: float, toleranc
     )
 
 
+@explained
 def lyapunov_exponents(
     system: System,
     initial: Mapping[Any, Any],

@@ -17,6 +17,7 @@ from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
@@ -25,6 +26,7 @@ REPETITIONS, LONGEST = 3, 64
 """Repetitions of a pattern required at the end of a run; largest number of transitions of a pattern."""
 
 
+@explained
 def periodic_orbit(
     system: System,
     initial: Mapping[Any, Any],
@@ -98,9 +100,12 @@ def _autonomous(problem: Problem, run: Trajectory, late: float, radius: float) -
     if _depends_on_time(problem.system):
         raise ArgumentError("time is in the equations: give the period of the forcing, as in period='2*pi/w'")
     repeated = measured_period(run.transitions, after=late)
+    advice = "give a later 'until', or it is not periodic"
+    if not any(t.time > late for t in run.transitions):
+        section = {"section": problem.system.state_names[-1]}
+        advice = f"it has no transitions there; add a surface that the orbit crosses, as in surfaces={section}"
     open_ended = OrbitError(
-        f"the run does not repeat itself three times between t = {late:.6g} and {run.end_time:.6g}: "
-        "give a later 'until', or it is not periodic"
+        f"the run does not repeat itself three times between t = {late:.6g} and {run.end_time:.6g}: {advice}"
     )
     if repeated is None:
         raise open_ended
@@ -157,10 +162,7 @@ def _after_an_event(problem: Problem, pattern: Sequence[Transition]) -> Guess:
 
 
 def _depends_on_time(model: FilippovSystem) -> bool:
-    expressions = [*model.field, *model.surfaces, *(f for o in model.overrides.values() for f in o.field)]
-    expressions += [r.when for o in model.overrides.values() for r in o.release]
-    expressions += [value for reset in model.resets.values() for value in reset.map.values()]
-    return any(e.has(TIME) for e in expressions)
+    return any(e.has(TIME) for e in model.expressions)
 
 
 class Period(NamedTuple):

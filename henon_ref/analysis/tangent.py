@@ -20,6 +20,7 @@ import sympy as sp
 from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.expressions.traversal import size
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
@@ -85,7 +86,8 @@ class TangentAnalysis:
         """dh/dt of both fields on the surface, as functions of z."""
         left = (below.free_symbols | above.free_symbols) & {TIME, *system.states}
         if left:
-            raise ModelError(f"dh/dt on the surface depends on {sorted(map(str, left))} besides {z}")
+            others = ", ".join(sorted(map(str, left)))
+            raise ModelError(f"dh/dt on the surface depends on {others} besides the coordinate {along}")
 
     def on_surface(self, expression: sp.Expr) -> sp.Expr:
         """Return an expression in terms of z and time."""
@@ -161,6 +163,7 @@ class TangentAnalysis:
         return zones[::-1]
 
 
+@explained
 def tangent_points(
     system: System,
     *,
@@ -202,10 +205,13 @@ def tangent_points(
     >>> [(point.position, point.side, point.visibility) for point in hr.tangent_points(belt)]
     [(1, -1, 'visible'), (-1, 1, 'invisible')]
     """
-    if parameters:
+    if parameters is not None:
         system = system.with_parameters(parameters)
     model, names = system.model, system.model.sign_names
-    if surface is None and len(names) == 1:
+    if surface is None:
+        if len(names) != 1:
+            many = f"has several surfaces: name one, as in surface={names[0]!r}" if names else "has no surface"
+            raise ArgumentError(f"the system {many}")
         surface = names[0]
     if surface not in names:
         raise ArgumentError(f"{str(surface)[:60]!r} is no surface; surfaces: {listed(names)}")

@@ -308,13 +308,8 @@ def check_model(source: Source) -> None:
 def _mathematics(problem: Problem) -> dict[str, Any]:
     """Return the mathematics of a problem; absent and default keys are omitted, so that stored hashes stay valid."""
     system, names = problem.system, problem.system.sign_names
-    expressions = [*system.surfaces, *system.field, *system.valid]
-    for override in system.overrides.values():
-        expressions += [*override.field, *(release.when for release in override.release)]
-    for reset in system.resets.values():
-        expressions += reset.map.values()
     text = cache(str)  # the contacts of a chain have nearly all equations of their sliding in common
-    used = set().union(*(e.free_symbols for e in expressions))
+    used = set().union(*(e.free_symbols for e in system.expressions))
     found = {
         "states": list(system.state_names),
         "surfaces": [[name, text(h)] for name, h in zip(names, system.surfaces, strict=True)],

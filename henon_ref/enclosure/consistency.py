@@ -161,7 +161,7 @@ class Judge:
     def _values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
         """Evaluate expressions in time, states and signs at the point; None if a value is not finite."""
         system = self.model.system
-        entries = {s: sp.Integer(v) for s, v in zip(system.signs, signs, strict=True)}
+        entries = system.entries(signs)
         values = [enclose(system.numeric(e).xreplace(entries), self.values) for e in expressions]
         return values if all(v.is_finite() for v in values) else None
 
@@ -264,7 +264,7 @@ class Judge:
         system = self.model.system
         normal = system.numeric(system.normal_velocity(index))
         for side in (-1, 1):
-            signs = {s: sp.Integer(v) for s, v in zip(system.signs, replaced(mode, index, side), strict=True)}
+            signs = system.entries(replaced(mode, index, side))
             velocity = normal.xreplace(signs)
             sign = sign_of(enclose(velocity, self.values))
             if sign == 0 and not self.identities.vanishes(velocity):

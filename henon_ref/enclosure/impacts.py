@@ -169,7 +169,7 @@ class ProvenMaps:
     def _rate(self, index: int, impact: Impact, at: dict[sp.Symbol, arb]) -> arb:
         """Enclose h' of a surface; its sign must be strict."""
         system = self.model.system
-        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, self.mode, strict=True)}
+        signs = system.entries(self.mode)
         rate: arb = enclose(system.numeric(impact.speed.xreplace(signs)), at)
         if sign_of(rate) == 0:
             name = system.sign_names[index]

@@ -198,10 +198,7 @@ def _check_repeats(system: FilippovSystem, guess: Guess) -> None:
     """Check that the equations are the same at the end of the map as at its start."""
     if (guess.period is None) == (guess.events is None):
         raise OrbitError("a guess gives either a period or a number of events")
-    releases = [r.when for o in system.overrides.values() for r in o.release]
-    stuck = [f for o in system.overrides.values() for f in o.field]
-    maps = [value for reset in system.resets.values() for value in reset.map.values()]
-    for expression in (*system.field, *system.surfaces, *system.valid, *releases, *stuck, *maps):
+    for expression in system.expressions:
         number = system.numeric(expression)
         if not number.has(TIME):
             continue

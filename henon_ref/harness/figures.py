@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from henon_ref.figures import style
 from henon_ref.figures.style import describe
 from henon_ref.harness.rows import RunRow, TransitionRow, number
+from henon_ref.harness.score.ranking import by_solver
 from henon_ref.harness.score.reference import Expected
 from henon_ref.text import one_line
 
@@ -33,9 +34,7 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
     timed = [row for row in rows if row.wall_s and row.max_time_error_s is not None]
     if len(timed) < 2:
         return None
-    ladders = {
-        solver: [row for row in timed if row.solver == solver] for solver in dict.fromkeys(r.solver for r in timed)
-    }
+    ladders = by_solver(timed)
     points = {solver: _points(ladder, expected.floor) for solver, ladder in ladders.items()}
     tips = {solver: own[:, own[1].argmin()] for solver, own in points.items()}  # the most accurate run of each
     lines = style.lines_of(ladders)
@@ -112,8 +111,6 @@ def _cost_description(tips: Mapping[str, NDArray[np.float64]]) -> str:
 
 LEAST = 1e-18
 """Errors below this value, and zero errors, are drawn at the lower edge [s]."""
-MARKERS = 6
-"""Approximate number of markers per curve."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +205,7 @@ def _draw_curve(axes: Axes, line: style.Line, curve: Curve, lowest: float, *, sh
     width = line.width if strong else 0.9
     drawn: dict[str, Any] = {"ls": line.dashes, "color": line.colour, "lw": width, "zorder": 3 if strong else 2}
     axes.plot([*times, end], [*shown, shown[-1]], drawstyle="steps-post", **drawn)
-    places = left + (right - left) * (np.arange(MARKERS) + shift) / MARKERS
+    places = left + (right - left) * (np.arange(6) + shift) / 6  # about six markers per curve
     places = places[(start <= places) & (places <= end)]
     places = places if places.size else times[-1:]
     levels = shown[np.searchsorted(times, places, side="right") - 1]

@@ -96,10 +96,9 @@ FILES = (
     AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
 )
 """One entry for each pair of module and default restart."""
-_PLAIN = {name: file for file in FILES for name in file.solvers}
-_BUILT_IN = dict(sorted(_PLAIN.items(), key=lambda named: "+" in named[0])) | {
-    name + COMPILED: file for name, file in _PLAIN.items() if file.callbacks
-}
+_BUILT_IN = {
+    name: file for variants in (False, True) for file in FILES for name in file.solvers if ("+" in name) == variants
+} | {name + COMPILED: file for file in FILES for name in file.solvers if file.callbacks}
 """Name of a built-in solver -> its module; the variants come last."""
 
 

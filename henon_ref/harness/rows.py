@@ -43,11 +43,22 @@ class Row:
 
 
 @dataclass(frozen=True)
-class RunRow(Row):
-    """One run: a reading, solver and setting (``runs.csv``)."""
+class ReadingRow(Row):
+    """A row on a reading of a case."""
 
     case: str
     reading: str
+
+    @property
+    def problem(self) -> tuple[str, str]:
+        """Key of the reading."""
+        return self.case, self.reading
+
+
+@dataclass(frozen=True)
+class RunRow(ReadingRow):
+    """One run: a reading, solver and setting (``runs.csv``)."""
+
     solver: str
     library_version: str | None = None
     rtol: float | None = None
@@ -118,10 +129,6 @@ class RunRow(Row):
         return self.case, self.reading, self.solver, self.rtol, self.step_s
 
     @property
-    def problem(self) -> tuple[str, str]:
-        return self.case, self.reading
-
-    @property
     def judged(self) -> bool:
         return self.verdict is not None and self.verdict not in UNJUDGED
 
@@ -165,11 +172,9 @@ class RunRow(Row):
 
 
 @dataclass(frozen=True)
-class PartRow(Row):
+class PartRow(ReadingRow):
     """A part of a run, identified by its index."""
 
-    case: str
-    reading: str
     solver: str
     rtol: float | None
     step_s: float | None

@@ -11,17 +11,21 @@ from henon_ref.text import html, message
 
 @dataclass(frozen=True)
 class Table:
-    """Headings, alignment (``l`` or ``r``) and rows of text."""
+    """Headings, alignment (``l`` or ``r``; the last letter is also for all further columns) and rows of text."""
 
     headings: tuple[str, ...]
     alignment: str
     rows: Sequence[tuple[str, ...]]
 
     @property
+    def _sides(self) -> str:
+        return self.alignment.ljust(len(self.headings), self.alignment[-1])
+
+    @property
     def markdown(self) -> str:
         """Markdown table; the cells are markdown."""
         marks = {"l": "---", "r": "---:"}
-        lines = [self.headings, tuple(marks[side] for side in self.alignment), *self.rows]
+        lines = [self.headings, tuple(marks[side] for side in self._sides), *self.rows]
         return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
     @property
@@ -37,7 +41,7 @@ class Table:
         """
         lines = [self.headings, *(tuple(map(message, row)) for row in self.rows)]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        sides = [str.rjust if side == "r" else str.ljust for side in self.alignment]
+        sides = [str.rjust if side == "r" else str.ljust for side in self._sides]
         return "\n".join(
             "  ".join(side(cell, width) for side, cell, width in zip(sides, line, widths, strict=True)).rstrip()
             for line in lines

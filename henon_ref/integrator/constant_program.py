@@ -29,8 +29,8 @@ from henon_ref.precision import working_precision
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT
 """Operations of compiled code; the second operand of POWER is an integer, not a register."""
-ROUNDING, ACCURATE = LEVELS.operation_error, LEVELS.accurate
-"""Bound of the relative error of one operation; largest accepted relative error of a constant."""
+ROUNDING: float = LEVELS.operation_error
+"""Bound of the relative error of one operation."""
 FUNCTION = 4
 """Operation evaluated by python-flint; its second operand is the number of the function."""
 POWER_OF = 5
@@ -39,10 +39,6 @@ NAMES = (*ELEMENTARY, "Abs")
 """Functions of one argument, by number."""
 BITS = 256
 """Precision of python-flint's balls for functions and signs [bits]."""
-DIGITS = 90
-"""Decimal digits of irrational numbers in balls."""
-_ARRAYS = tuple(map(ffi.typeof, ("int64_t[]", "double[]", "int64_t[]", "int64_t[]")))
-"""Types of the arrays of a ``struct program``."""
 
 
 class CompiledProgram(NamedTuple):
@@ -103,7 +99,8 @@ class ConstantProgram:
         operations = self._stages[0][1] if self._stages else np.zeros((0, 4), dtype=np.int64)
         arrays = operations, self._registers, self.places, np.array(sources, dtype=np.int64)
         made = ffi.new("struct program *")
-        made.operations, made.registers, made.outputs, made.sources = map(ffi.from_buffer, _ARRAYS, arrays)
+        made.operations, made.registers = integers(operations), doubles(self._registers)
+        made.outputs, made.sources = integers(self.places), integers(arrays[-1])
         made.count, made.width, made.inputs = len(operations), len(self._registers), self.inputs
         made.results, made.places = len(self.outputs), len(sources)
         room = self._registers.size + 1 + 2 * len(self.outputs) + len(sources)
@@ -165,7 +162,7 @@ class ConstantProgram:
         """
         own = self.registers(values)[:, self.places]
         size = np.abs(own[:, :, 0])
-        lost = np.isfinite(size) & (own[:, :, 2] > ACCURATE * size)
+        lost = np.isfinite(size) & (own[:, :, 2] > LEVELS.accurate * size)
         for point in np.flatnonzero(lost.any(axis=1)).tolist():
             with working_precision(BITS):
                 balls = [_three(ball) for ball in self.balls(exact(point))]
@@ -233,10 +230,10 @@ _double = lru_cache(maxsize=1024)(float)
 
 
 def _ball(number: sp.Expr) -> arb:
-    """Return an exact number as a ball; irrational numbers to DIGITS digits."""
+    """Return an exact number as a ball; irrational numbers to 90 digits."""
     if number.is_Rational:
         return arb(fmpq(int(number.p), int(number.q)))
-    return arb(str(sp.N(number, DIGITS))) + arb(0, 10.0**-DIGITS * abs(float(number)))
+    return arb(str(sp.N(number, 90))) + arb(0, 10.0**-90 * abs(float(number)))
 
 
 def _evaluate(operation: Sequence[int], registers: NDArray[np.float64]) -> None:

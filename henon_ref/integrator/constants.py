@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
-TABLES = ffi.sizeof("struct tables") // 8
-"""Length of the tables at the beginning of a block, in doubles."""
-_BLOCK = ffi.typeof("double[]")
-
 
 class LoopData(NamedTuple):
     """Data of the compiled modes that the compiled loop reads, shared by runs."""
@@ -41,14 +37,6 @@ class LoopData(NamedTuple):
     tables: Any
     """``struct tables`` of ``henon_ref/kernel/kernel.h``."""
 
-    @property
-    def numbers(self) -> NDArray[np.float64]:
-        """Constants of each mode, shape (M, 2 or 3, K): of its expansion, its probe, and the maps of resets if compiled
-        code applies them; each row has the doubles, then their remainders. A copy."""
-        shape = self.compiled.sources.shape
-        memory = ffi.buffer(self.tables.numbers, 8 * self.compiled.sources.size)
-        return np.frombuffer(memory, dtype=np.float64).reshape(shape).copy()
-
 
 class LoopProgram:
     """Program of the constants of all compiled modes, followed by those of the normal velocities.
@@ -58,7 +46,7 @@ class LoopProgram:
 
     def __init__(self, table: ModeTable, writer: ProgramWriter) -> None:
         compiled, velocities = table.compiled, table.normals
-        expressions = table.constants.expressions[: compiled.constants]
+        expressions = table.constants[: compiled.constants]
         own = () if velocities is None else velocities.tape.constants
         places = np.arange(1 + 2 * len(expressions), 1 + 2 * (len(expressions) + len(own)))
         self.compiled, self.program = compiled, writer.program([*expressions, *own])
@@ -75,7 +63,7 @@ class LoopProgram:
         if self._at_once is None:
             return None
         program, pack, room, _ = self._at_once
-        block = ffi.new(_BLOCK, TABLES + room)
+        block = ffi.new("double[]", ffi.sizeof("struct tables") // 8 + room)
         tables = kernel.point_tables(self._template, program, pack(*values), block)
         return LoopData(self.compiled, block, tables) if tables else None
 
@@ -153,12 +141,7 @@ class ParameterPrograms:
 
 def parameters_in(system: FilippovSystem) -> tuple[sp.Symbol, ...]:
     """Return the symbols in a system's expressions other than time, states and signs, by name."""
-    expressions = [*system.field, *system.surfaces, *system.valid]
-    for override in system.overrides.values():
-        expressions += [*override.field, *(release.when for release in override.release)]
-    for reset in system.resets.values():
-        expressions += reset.map.values()
-    symbols = set().union(*(e.free_symbols for e in set(expressions))) - {TIME, *system.states, *system.signs}
+    symbols = set().union(*(e.free_symbols for e in set(system.expressions))) - {TIME, *system.states, *system.signs}
     return tuple(sorted(symbols, key=lambda symbol: symbol.name))
 
 

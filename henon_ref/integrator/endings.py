@@ -29,10 +29,6 @@ from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
-ROUNDING = 1e3 * EPS
-"""Relative change of a series that rounding alone may cause."""
-FARTHEST, NEARER, TRIES = 1e-5, 0.1, 5
-"""First distance to continue past the branch point, relative to the run's length; its factor per try; tries."""
 SIDES = (1.0, 0.47, 0.22, 0.09, 0.03)
 """Distances from the branch point at which the guards are evaluated on both sides, relative to that distance."""
 
@@ -129,7 +125,8 @@ def range_ending(run: State) -> tuple[Status, str] | None:
         theta, precise = arb(float(scalars.step_length)) / unit, run.start.constants.precise
         states, outputs = precise.motion(run.mode, run.exact_time, state, unit, scalars.order)
         exact = [*states, *(outputs[place] if place >= 0 else None for place in places)]
-        level, band = max(float(scalars.tolerance), ROUNDING), run.workspace.band
+        level = max(float(scalars.tolerance), 1e3 * EPS)  # rounding alone may change a series by the second
+        band = run.workspace.band
         rounding = band[n + scalars.guards + 1 :].ravel()
         for r, own in enumerate(exact):
             found = band[r, : scalars.order + 1].tolist()
@@ -165,10 +162,10 @@ def pass_branch_point(run: State) -> bool:
     guards_alone = any(code.guards_branch) and not code.field_branches
     if not guards_alone or run.passed_at == scalars.steps or vanishing_guard(run) is not None:
         return False
-    left, longest = run.left(run.now), FARTHEST * (run.until[0] - run.start.time[0])
+    left, whole = run.left(run.now), run.until[0] - run.start.time[0]
     with working_precision(BITS):
         time, state = run.exact_time, run.exact_state
-        for length in (longest * NEARER**k for k in range(TRIES)):
+        for length in (1e-5 * whole * 0.1**k for k in range(5)):  # distances to continue past the branch point
             end = _passed(run.start.constants.precise, run.mode, time, state, arb(length)) if length < left else None
             if end is not None:
                 behind, there = split(time + arb(length)), [split(x) for x in end]

@@ -25,15 +25,6 @@ from henon_ref.roots.multiprecision import (
     minimum_beside,
 )
 
-EQUAL_LEVEL = 2.0**-204
-"""Relative difference below which coefficients count as equal (a few rounding errors)."""
-ROUNDING = 32 * EPS
-"""Relative value of a guard that double precision takes for zero at an event of another guard."""
-DECIDED_STEEPNESS = 1e-5
-"""Relative slope above which double precision decides a root."""
-CLEAR_LEVEL = 1e-9
-"""A guard has no event if the bound from the sizes of its terms stays above this part of its size."""
-
 
 @dataclass(frozen=True)
 class GuardEvent:
@@ -102,8 +93,8 @@ def first_guard_event(guard: int, series: GuardSeries, suspect: int) -> GuardEve
     part, local = place / ONE, series.around(place)
     radius, order = leading_term(local, series.noise(part))
     slope, size = (abs(local[1]) if len(local) > 1 else 0.0), series.size(part)
-    steep = what == "root" and slope * part > DECIDED_STEEPNESS * size
-    rounding = ROUNDING * size / slope if steep else 0.0
+    steep = what == "root" and slope * part > 1e-5 * size  # double precision decides such a root
+    rounding = 32 * EPS * size / slope if steep else 0.0
     depth = math.inf
     if not steep and len(local) > 2 and local[2] > 0.0:
         depth = abs(local[0] - local[1] ** 2 / (4.0 * local[2]))
@@ -126,8 +117,8 @@ def _without_known_zeros(c: Sequence[arb], zeros: int) -> list[arb]:
             for i in range(zeros):
                 known = [factor[j] * q[i - j] for j in range(i) if i - j < len(q)]
                 factor[i] = ((c[i] - sum(known, arb(0))) / q[0]).mid()
-            if all(abs(new - old) <= EQUAL_LEVEL * abs(new) for new, old in zip(factor, before, strict=True)):
-                break
+            if all(abs(new - old) <= 2.0**-204 * abs(new) for new, old in zip(factor, before, strict=True)):
+                break  # equal up to a few rounding errors
             q = (head // arb_poly([*factor, 1])).coeffs()
         q = (arb_poly(list(c)) // arb_poly([*factor, 1])).coeffs()
     return [arb(0)] * zeros + q
@@ -166,4 +157,4 @@ def is_clear(series: Sequence[arb], guard: Guard, place: int) -> bool:
         power *= part
     if guard.rising_only and first < 0.0:
         first = -first
-    return not first - size <= CLEAR_LEVEL * (abs(first) + size)
+    return not first - size <= 1e-9 * (abs(first) + size)

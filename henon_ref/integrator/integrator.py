@@ -1,23 +1,38 @@
-"""Hénon's event integrator: the compiled system, shared by all runs, and the starts of runs."""
+"""Hénon's event integrator: the compiled system, shared by all runs, and the starts of runs.
+
+The signs of the surfaces at a start are decided in double-double with error bounds, otherwise in balls (exactly if all
+numbers are rational). Compiled normal velocities decide a start off all surfaces, and on one surface with a clear
+crossing or slide; :mod:`henon_ref.modes.selection` decides every other start.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
-from henon_ref.integrator.pairs import exact_expression, pair_of_exact
-from henon_ref.integrator.records import Workspace
-from henon_ref.integrator.start import Start, begin, run_template
+from henon_ref.integrator.pairs import Pair, exact_expression, pair_of_exact
+from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, Workspace, written
+from henon_ref.kernel.shared import doubles, ffi, integers, kernel
+from henon_ref.modes.mode import replaced
 from henon_ref.modes.problem import Problem
+from henon_ref.modes.resets import REMAINING
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.trajectory import Status, Trajectory
+
+NO_LIMIT = 1 << 62
+"""Limit on steps that no run reaches."""
+MOST_STEPS = 100_000_000
+"""Default limit on the steps of a run."""
 
 
 def local_error(rtol: float) -> float:
@@ -36,6 +51,67 @@ def order_for(tolerance: float) -> int:
     return min(max(math.ceil(1 - 0.75 * math.log(tolerance)), 4), 24)
 
 
+def out_of_steps(steps: int, time: float) -> str:
+    """Return the reason of a run that ends at its limit on steps."""
+    return f"stopped after {steps} step{'' if steps == 1 else 's'}, as many as max_steps allows, at t = {time:.17g}"
+
+
+@dataclass(eq=False)
+class Start:
+    """Start and horizon of a problem, as the compiled loop reads them."""
+
+    time: Pair
+    """Initial time [s]."""
+    until: Pair
+    """Horizon [s]."""
+    x: tuple[Pair, ...]
+    """Initial state."""
+    refused: Trajectory | None
+    """Result of every run if no initial mode exists; None if one exists."""
+    constants: ModeConstants
+    """Constants of the compiled modes at the problem's parameter values."""
+    block: bytearray
+    """First part of a run's block of memory, up to ``end_of_state`` of ``struct places``."""
+
+    def __post_init__(self) -> None:
+        self.scalars = ffi.from_buffer("struct run *", self.block)
+        """The block as ``struct run *``; a change of a field applies to all later runs."""
+
+
+@lru_cache(maxsize=64)
+def run_template(
+    sizes: tuple[int, ...],
+    tolerance: float,
+    landing: int = HENON,
+    stop_falling: int = 0,
+    stop_rising: int = 0,
+    most_steps: int = MOST_STEPS,
+) -> Any:
+    """Return a :attr:`Start.block`, in doubles, without numbers and mode.
+
+    Parameters
+    ----------
+    sizes : tuple of int
+        :attr:`ModeTable.sizes`.
+    tolerance : float
+        Local error of a step, relative to the size of each state and guard on the step.
+    landing : int
+        HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`.
+    stop_falling, stop_rising : int
+        Surfaces, a bit each (1 << index), on which the run ends if their expression falls (rises) to zero.
+    most_steps : int
+        Steps after which the run ends with status ``failed``.
+    """
+    state = np.zeros(kernel.places_of(*sizes).end_of_state)
+    run = ffi.cast("struct run *", doubles(state))
+    run.states, run.guards, run.order, run.contacts, run.constants = sizes
+    state[len(state) - run.guards :] = np.inf
+    run.event_time, run.tolerance, run.method = -np.inf, tolerance, landing
+    run.rest_part, run.more_digits, run.stepped_mode, run.transition_capacity = REMAINING, 1, -1, CHUNK
+    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    return doubles(state)
+
+
 class Integrator:
     """Compiled system for runs at one order of the Taylor method, from any thread.
 
@@ -43,25 +119,8 @@ class Integrator:
     :class:`henon_ref.integrator.points.PointRuns` does many runs in one call. Modes are compiled on first use. The
     library keeps one integrator per system and order.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-        With values of its parameters, or without: then runs may have any values. (The modes are then derived for all
-        values; surfaces that coincide for some values are still two surfaces.)
-    order : int
-        Order of the Taylor method.
-
-    Attributes
-    ----------
-    programs : ParameterPrograms
-        Programs of the constants.
-    free : list of Workspace
-        Unused memory for runs: see :meth:`workspace`.
-
-    Raises
-    ------
-    UnsupportedError
-        If too many contacts with static friction act on each other.
+    The system has values of its parameters, or none: then runs may have any values. (The modes are then derived for all
+    values; surfaces that coincide for some values are still two surfaces.)
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
@@ -72,6 +131,7 @@ class Integrator:
         self.constants = lru_cache(maxsize=64)(self._constants)
         """Constants of the compiled modes at values of :attr:`parameters`."""
         self.free: list[Workspace] = []
+        """Unused memory for runs: see :meth:`workspace`."""
 
     def workspace(self) -> Workspace:
         """Return memory for a run, which is appended to :attr:`free` afterwards; allocating it costs a short run.
@@ -126,7 +186,7 @@ class Integrator:
         mode : mapping, optional
             Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
         **settings
-            ``tolerance``, ``landing`` and others of :func:`henon_ref.integrator.start.run_template`.
+            ``tolerance``, ``landing`` and others of :func:`run_template`.
 
         Raises
         ------
@@ -134,9 +194,114 @@ class Integrator:
             If the system has other values of its parameters, or no program evaluates an expression in them.
         """
         numbers = tuple(map(pair_of_exact, (until, start, *initial)))
-        block, point = run_template(self.mode_table.sizes, **settings), (start, *initial)
+        template, point = run_template(self.mode_table.sizes, **settings), (start, *initial)
         exact = lambda: list(map(exact_expression, point))  # noqa: E731
+        return self.begin_at(self.constants(values), template, numbers, exact, mode or {})
+
+    def begin_at(
+        self,
+        constants: ModeConstants,
+        template: Any,
+        numbers: tuple[Pair, ...],
+        exact: Callable[[], Sequence[Any]],
+        mode: Mapping[int, int],
+    ) -> Start:
+        """Return the start of a run from pairs of doubles.
+
+        ``template``: as :func:`run_template` returns it; ``numbers``: horizon, initial time and states; ``exact``:
+        returns time and states as exact numbers, of Python or SymPy, if pairs do not decide a sign; ``mode``: as in
+        :meth:`begin`.
+        """
         workspace = self.workspace()
-        found = begin(workspace, self.constants(values), block, numbers, exact, mode or {})
+        signs = constants.start(workspace, template, numbers)
+        clear = signs is None and not mode
+        refused = None if clear else _entered(constants, workspace, signs or (), exact, mode)
+        found = Start(numbers[1], numbers[0], numbers[2:], refused, constants, bytearray(workspace.memory))
         self.free.append(workspace)
         return found
+
+
+def row_at_start(table: ModeTable, signs: Sequence[int]) -> tuple[int, int] | None:
+    """Return the row of a start's mode and the surface that it lies on (-1: none); None if Python must decide the mode.
+
+    On a surface this is the row of the mode below it, and all modes that may follow are compiled. For contacts that do
+    not act on each other it is the number of the mode. ``signs``: of the surfaces, then of the ``valid`` expressions.
+    """
+    count = len(table.system.surfaces)
+    mode = tuple(signs[:count])
+    on = [i for i, sign in enumerate(mode) if sign == 0]
+    if kernel.UNCLEAR_SIGN in mode or len(on) > 1 or any(sign != 1 for sign in signs[count:]):
+        return None
+    if on and (table.system.overrides or on[0] in table.system.resets):
+        return None
+    rows = [table.row(replaced(mode, i, entry)) for i in on for entry in (-1, 0, 1)]
+    row = rows[0] if on else table.row(mode)
+    return None if row is None else (row, on[0] if on else -1)
+
+
+def _entered(
+    constants: ModeConstants,
+    workspace: Workspace,
+    signs: Sequence[int],
+    exact: Callable[[], Sequence[Any]],
+    given: Mapping[int, int],
+) -> Trajectory | None:
+    """Put a run into its initial mode; if no mode exists, return the result of every run.
+
+    ``signs``: see :func:`row_at_start`; ``exact``, ``given``: of :meth:`Integrator.begin_at`.
+    """
+    if not given and _entered_clearly(constants, workspace, signs):
+        return None
+    exact_signs = constants.exact_signs(exact())
+    if not given and _entered_clearly(constants, workspace, exact_signs):
+        return None
+    return _decided(constants, workspace, exact_signs, given)
+
+
+def _entered_clearly(constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None]) -> bool:
+    """Put a run into a mode off all surfaces, or on one with a clear crossing or slide; False for other starts."""
+    found = None if None in signs else row_at_start(constants.table, cast(Sequence[int], signs))
+    return found is not None and _enter(constants, workspace, *found)
+
+
+def _enter(constants: ModeConstants, workspace: Workspace, row: int, surface: int) -> bool:
+    """Put a run into a mode (``enter_at_start`` of ``kernel/start.c``); False if the next mode is not clear."""
+    contacts = constants.table.contacts
+    mode = integers(written(row, contacts) if contacts else np.array([row]))
+    return bool(kernel.enter_at_start(workspace.run, constants.update().tables, mode, surface))
+
+
+def _decided(
+    constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None], given: Mapping[int, int]
+) -> Trajectory | None:
+    """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
+    from henon_ref.modes.selection import contact_orders, mode_by_signs  # rarely needed
+
+    table, system = constants.table, constants.table.system
+    count, t = len(system.surfaces), workspace.run.time
+    x = workspace.state[STATE_PLACE : STATE_PLACE + len(system.states)].tolist()
+
+    def ended(reason: str, status: Status = "failed") -> Trajectory:
+        return Trajectory(status, (), t, tuple(x), (0,) * count, reason)
+
+    known = [1 if sign is None else sign for sign in signs]
+    surfaces, valid = known[:count], known[count:]
+    at = constants.in_doubles.at(t, x)
+    decision = mode_by_signs(at, surfaces, valid, given)
+    unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
+    for i, sign in enumerate(signs):
+        if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
+            what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
+            return ended(f"{what} has no finite real value at the start")
+    if decision.mode is None:
+        return ended(decision.reason, decision.ending)
+    row = table.row(decision.mode)
+    if row is None:
+        return ended("the mode at the start has no equations")
+    active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
+    _enter(constants, workspace, row, -1)
+    if active or edges:
+        orders, first = contact_orders(at, decision.mode, active, edges), STATE_PLACE + 3 * len(x)
+        zeros = [orders[place] if place >= 0 else 0 for place in table.places(decision.mode)]
+        workspace.state[first : first + len(zeros)].view(np.int64)[:] = zeros
+    return None

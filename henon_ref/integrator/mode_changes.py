@@ -13,7 +13,7 @@ from flint import arb
 from henon_ref.integrator.endings import ending_of, pass_branch_point, range_ending
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
 from henon_ref.integrator.precise_modes import PreciseMotion, split
-from henon_ref.integrator.records import GRAZE, RESET, STICK, TRANSITION, TRANSITION_PLACES, written
+from henon_ref.integrator.records import TRANSITION, TRANSITION_PLACES, written
 from henon_ref.integrator.run_result import KINDS, Reason
 from henon_ref.integrator.state_view import State
 from henon_ref.kernel.shared import LEVELS, kernel
@@ -106,7 +106,7 @@ def _gone_to(run: State, found: LocatedEvent) -> Ending | None:
         return change_mode(run, found.decision, found.known_zeros, sorted(set(tangential)))
     _set_known_zeros(run, mode, found.known_zeros)
     for i in tangential:  # without static friction, a touch of the end of sliding is not recorded
-        record(run, GRAZE, i, row, row, side=0)
+        record(run, kernel.GRAZE, i, row, row, side=0)
     return None
 
 
@@ -174,7 +174,7 @@ def change_mode(
         if place is None:
             record(run, KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=before[i])
         else:
-            record(run, RESET, i, source, row, side=1, state=applied[place][1])
+            record(run, kernel.RESET, i, source, row, side=1, state=applied[place][1])
     for i in () if changed else tangential:
         record(run, KINDS.index(transition_kind(before[i], decision.mode[i])), i, source, row, side=0)
     return ending_of(run, kernel.EVENTS_ACCUMULATE) if kernel.events_accumulate(run.workspace.run) else None
@@ -258,8 +258,8 @@ def enter_new_mode(run: State) -> Ending | None:
             run.count("new_modes")
             return None
         run.scalars.event_pending = 0
-        return _without_equations(run) if what == RESET else select_mode(run)
-    entry = 0 if what == STICK else run.integrator.mode_table.guards(mode)[hit].to_sign
+        return _without_equations(run) if what == kernel.RESET else select_mode(run)
+    entry = 0 if what == kernel.STICK else run.integrator.mode_table.guards(mode)[hit].to_sign
     if _compiled_behind(run, mode, hit, entry):
         return None
     return select_mode(run)  # no such mode, or known zeros must be determined

@@ -1,4 +1,4 @@
-"""Machine code shared by modes with equal equations, and tapes whose constants distinguish the modes."""
+"""Machine code shared by modes with equal equations, with tapes whose constants distinguish them; code of resets."""
 
 from __future__ import annotations
 
@@ -15,18 +15,15 @@ from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.modes.equations import Guard, ModeTape, along
 from henon_ref.modes.mode import Mode
+from henon_ref.modes.resets import Jump, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
 if TYPE_CHECKING:
-    from henon_ref.modes.decoupled_contacts import SwitchedEquations
+    from henon_ref.modes.decoupled_contacts import Entries, SwitchedEquations
 
-BRANCHING = frozenset({"sqrt", "power", "asin", "acos"})
-"""Operations with branch points."""
-Entries = tuple[tuple[Mapping[sp.Symbol, sp.Expr], ...], ...]
-"""See :class:`henon_ref.modes.equations.ModeTape`."""
 MOST_WATCHED = 200
 """Largest number of operations of the guards beyond those of the field (such as a long expression whose extremes a
 sweep locates) for which the code is fully optimized; for more, optimizing takes longer than most runs."""
@@ -97,9 +94,8 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
     sides = _speeds(system, equations.guards, normals)
     if key == mode:  # these are its own
-        own = dict(zip(system.signs, map(sp.Integer, mode), strict=True))
-        sides = [speed.xreplace(own) for speed in sides]
-        entries: Entries = (({}, {}, {}),) * len(mode)
+        sides = [speed.xreplace(system.entries(mode)) for speed in sides]
+        entries: tuple[Entries, ...] = (({}, {}, {}),) * len(mode)
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
     expansion = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
@@ -132,7 +128,9 @@ def _named_tape(
     return build_tape(system.states, field, outputs, defined)
 
 
-def _mode_code(system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: Entries) -> ModeCode:
+def _mode_code(
+    system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: tuple[Entries, ...]
+) -> ModeCode:
     n, nodes = len(system.states), expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
@@ -175,7 +173,7 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
 
 def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     """Whether given nodes depend on an operation with branch points."""
-    return any(tape.nodes[at].op in BRANCHING for at in tape.needed(rows))
+    return any(tape.nodes[at].op in ("sqrt", "power", "asin", "acos") for at in tape.needed(rows))
 
 
 def _speeds(
@@ -272,33 +270,61 @@ def _known_of(system: FilippovSystem, index: int) -> int:
     return kernel.FIXED | (own.inertia is not None) * kernel.KNOWN_INERTIA | bool(own.push) * kernel.BY_LOAD
 
 
-class DistinctConstants:
-    """Distinct constants of the tapes of all modes, numbered in order of their first use.
+@dataclass(frozen=True, eq=False)
+class JumpCode:
+    """Machine code of the maps of a system's resets."""
 
-    Modes with equal entries of the surfaces on which a constant depends share it. Their values form one row: a zero,
-    then each constant as a pair of doubles.
-    """
+    system: FilippovSystem
+    tape: ModeTape
+    """Tape of all maps; maps contain no signs, so that all modes share it."""
+    code: NativeModule
+    jumps: Mapping[int, Jump]
+    """Jumps by surface."""
 
-    def __init__(self) -> None:
-        self.expressions: list[sp.Expr] = []
-        """Constants in the parameters, by number; append-only."""
-        self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
+    def address(self, mode: Mode, index: int) -> int:
+        """Return the address of a surface's map in a mode; 0 if Python must decide the mode after the jump.
 
-    def sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
-        """Return the places of a mode's constants in this row, shape (tapes, K).
-
-        For each tape the first doubles of the pairs precede the second ones; zeros follow.
+        Python decides if the jump leaves the state on another surface with sliding, or if the speed of an impact
+        depends on signs of other surfaces.
         """
-        found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
-        for row, tape in zip(found, tapes, strict=True):
-            count = len(tape.tape.constants)
-            row[:count] = [1 + 2 * self._number(tape, at, mode) for at in range(count)]
-            row[count : 2 * count] = row[:count] + 1
-        return found
+        jump, impact = self.jumps[index], impact_of(self.system, index)
+        stays = any(entry == 0 and j in jump.kept for j, entry in enumerate(mode))
+        if stays or (impact and impact.speed.has(*self.system.signs)):
+            return 0
+        return self.code.address(f"jump_{index}")
 
-    def _number(self, tape: ModeTape, at: int, mode: Mode) -> int:
-        key = tape, at, tuple(mode[i] for i in tape.owners[at])
-        if key not in self._numbers:
-            self._numbers[key] = len(self.expressions)
-            self.expressions.append(tape.constant(at, mode))
-        return self._numbers[key]
+
+def jump_code(system: FilippovSystem) -> JumpCode | None:
+    """Return the code of a system's maps; None if it has no resets, or too many surfaces for numbered modes.
+
+    The function of a map (:func:`henon_ref.taylor.llvm.expansion.values_ir`) takes the state before the jump and its
+    rounding error. It writes the new values of the states that the map changes, their rounding errors to first order
+    (the derivative of the map times the rounding errors before), the values of the surfaces that change, and the
+    restitution ratio of an impact (1 if the reset is not an impact).
+    """
+    if not system.resets or len(system.surfaces) > kernel.MOST_SURFACES:
+        return None
+    n, jumps = len(system.states), {i: jump_of(system, i) for i in sorted(system.resets)}
+    lost = tuple(sp.Symbol(f"lost of {x.name}", real=True) for x in system.states)
+    outputs: list[sp.Expr] = []
+    places: dict[int, list[int]] = {}
+    for i, jump in jumps.items():
+        outputs += [jump.states[k] for k in jump.moved]
+        outputs += [_carried(jump.states[k], system.states, lost) for k in jump.moved]
+        new = [j for j in range(len(system.surfaces)) if j not in jump.kept]
+        outputs += [jump.guards[j] for j in new]
+        impact = impact_of(system, i)
+        outputs += [sp.Integer(1) if impact is None or impact.refusal else impact.ratio]
+        places[i] = [*jump.moved, *(n + k for k in jump.moved), *(2 * n + j for j in new), 2 * n + len(system.surfaces)]
+    tape = build_tape((*system.states, *lost), (), outputs)
+    parts, first = [], 0
+    for i, own in places.items():
+        parts.append(Part("values", (tape.part(range(first, first + len(own))), 2 * n, f"jump_{i}", own)))
+        first += len(own)
+    return JumpCode(system, ModeTape(tape, ()), machine_code(*parts), jumps)
+
+
+def _carried(value: sp.Expr, states: tuple[sp.Symbol, ...], lost: tuple[sp.Symbol, ...]) -> sp.Expr:
+    """Return the directional derivative of a function along the rounding errors of the states."""
+    moving = value.free_symbols
+    return sp.Add(*(sp.diff(value, x) * low for x, low in zip(states, lost, strict=True) if x in moving))

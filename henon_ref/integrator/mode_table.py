@@ -8,18 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.integrator.mode_code import (
-    DistinctConstants,
     ModeCode,
     NormalVelocities,
     bernstein_code,
     common_mode_code,
+    jump_code,
     normal_velocities,
     switched_mode_code,
 )
@@ -27,18 +28,13 @@ from henon_ref.integrator.records import mode_dtype, packed, unpacked
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.contact_loops import guard_count
-from henon_ref.modes.equations import Guard
+from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.mode import Mode, mode_number, replaced
 from henon_ref.modes.sliding import EXHAUSTIVE
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 
-if TYPE_CHECKING:
-    from henon_ref.integrator.jump_code import JumpCode
-
-ALL: Mode = ()
-"""Key of the machine code that all modes share."""
 _KIND = {"surface": kernel.SURFACE, "release": kernel.RELEASE, "valid": kernel.VALID, "attracts": kernel.VALID}
 
 
@@ -61,47 +57,28 @@ class ModeTable:
     (:mod:`henon_ref.integrator.records`). The table then has three rows, for the modes in which all entries are equal,
     and the loop assembles every other mode from them.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-    order : int
-        Order of the Taylor expansion.
-
-    Attributes
-    ----------
-    modes, codes : list
-        Mode and machine code of each row; append-only.
-    index : dict
-        Row of each compiled mode.
-    constants : DistinctConstants
-        Constants of all modes.
-    contacts : int
-        Number of entries of a mode if modes are identified by numbers; 0 if they are identified by rows.
-    compiled : CompiledModes
-        Replaced as a whole by each new row. An older snapshot refers only to modes that it contains.
-
-    Raises
-    ------
-    ModelError
-        If the map of a reset contains a function that is not smooth.
+    ModelError if the map of a reset contains a function that is not smooth.
     """
 
     def __init__(self, system: FilippovSystem, order: int) -> None:
         self.system, self.order = system, order
         self.modes: list[Mode] = []
         self.codes: list[ModeCode] = []
+        """Mode and machine code of each row; append-only."""
         self.index: dict[Mode, int] = {}
-        self.constants = DistinctConstants()
+        """Row of each compiled mode."""
+        self.constants: list[sp.Expr] = []
+        """Distinct constants of the tapes of all modes, in order of their first use; append-only."""
+        self._numbers: dict[tuple[ModeTape, int, tuple[int, ...]], int] = {}
+        """Tape, place in it, and entries of the surfaces on which the constant depends -> its number."""
         surfaces = len(system.surfaces)
         self._switched = system.switched
         self.contacts = surfaces if self._switched and not system.resets else 0
-        self._jumps: JumpCode | None = None
-        if system.resets:
-            from henon_ref.integrator.jump_code import jump_code  # few systems have resets
-
-            self._jumps = jump_code(system)
+        """Number of entries of a mode if modes are identified by numbers; 0 if they are identified by rows."""
+        self._jumps = jump_code(system)
         no_sources = np.zeros((0, 0, 0), dtype=np.int64)
         self.compiled = CompiledModes(np.zeros(0, dtype=mode_dtype(self.most_guards)), no_sources, 0)
+        """Replaced as a whole by each new row. An older snapshot refers only to modes that it contains."""
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
@@ -209,7 +186,7 @@ class ModeTable:
 
     def _code(self, mode: Mode) -> ModeCode:
         """Return the machine code of a mode, shared with all modes that have the same equations."""
-        key = ALL if self._switched else self.system.common_equations(mode)[0]
+        key = () if self._switched else self.system.common_equations(mode)[0]  # of all modes, or of some
         if key not in self._codes:
             code = (
                 switched_mode_code(self.system, self._switched, self.order)
@@ -247,7 +224,7 @@ class ModeTable:
         return (continuous(system) | free | self.system.observed) - system.overrides.keys() - system.resets.keys()
 
     def _append(self, mode: Mode, code: ModeCode) -> None:
-        before, own = self.compiled, self.constants.sources(code.tapes, mode)
+        before, own = self.compiled, self._sources(code.tapes, mode)
         shape = (len(self.modes) + 1, *map(max, before.sources.shape[1:], own.shape))
         records, sources = np.concatenate([before.records, self._record(mode, code)]), np.zeros(shape, dtype=np.int64)
         for part, row in ((before.sources, slice(0, -1)), (own[None], slice(-1, None))):  # padded with zeros
@@ -256,8 +233,27 @@ class ModeTable:
         self.codes.append(code)
         if not self.contacts:
             self._link_all(records["guards"], mode)
-        self.compiled = CompiledModes(records, sources, len(self.constants.expressions))
+        self.compiled = CompiledModes(records, sources, len(self.constants))
         self.index[mode] = len(self.modes) - 1  # last: a mode in the index is in the tables
+
+    def _sources(self, tapes: tuple[ModeTape, ...], mode: Mode) -> NDArray[np.int64]:
+        """Return the places of a mode's constants in one row of all constants: a zero, then each as a pair of doubles.
+
+        The result has the shape (tapes, K): for each tape the first doubles of the pairs, the second ones, and zeros.
+        """
+        found = np.zeros((len(tapes), max([1, *(2 * len(tape.tape.constants) for tape in tapes)])), dtype=np.int64)
+        for row, tape in zip(found, tapes, strict=True):
+            count = len(tape.tape.constants)
+            row[:count] = [1 + 2 * self._number(tape, at, mode) for at in range(count)]
+            row[count : 2 * count] = row[:count] + 1
+        return found
+
+    def _number(self, tape: ModeTape, at: int, mode: Mode) -> int:
+        key = tape, at, tuple(mode[i] for i in tape.owners[at])
+        if key not in self._numbers:
+            self._numbers[key] = len(self.constants)
+            self.constants.append(tape.constant(at, mode))
+        return self._numbers[key]
 
     def _link_all(self, guards: NDArray[Any], mode: Mode) -> None:
         """Link the last row with the rows that differ from it in one entry."""

@@ -26,7 +26,7 @@ from henon_ref.integrator.guard_events import (
     load_equals_friction,
 )
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.precise_modes import MOST_ORDER, PreciseModes
+from henon_ref.integrator.precise_modes import MOST_ORDER, PreciseModes, split
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
@@ -35,14 +35,8 @@ from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS, ONE, fixed_point
 
-FLAT_LEVEL = 1e-6
-"""Relative size above which a minimum is certainly not affected by rounding."""
 SMALL_PART = 2.0**-40
 """Perturbation of the state relative to its rounding error, for the first-order change of a minimum."""
-LEAST_MOVE = 1e-40
-"""Relative change of a minimum below which it is of higher order, or rounding of multiprecision itself."""
-SAME_MINIMUM_PART = 1e-12
-"""Distance, relative to the step, within which a minimum above zero is passed together with another minimum."""
 
 
 class UndecidedStep(NamedTuple):
@@ -102,15 +96,15 @@ def locate_event(modes: PreciseModes, step: UndecidedStep) -> LocatedEvent | Non
         events = _beyond_rounding(modes, step, start, unit, outputs, events)
         if not events:
             end = arb(step.suspect)
-            state = tuple(_split(series(end / unit)) for series in states)
-            return LocatedEvent(_split(start + end), state, (), (), None, (0,) * len(guards))
+            state = tuple(split(series(end / unit)) for series in states)
+            return LocatedEvent(split(start + end), state, (), (), None, (0,) * len(guards))
         first = events[0]
         met = [event for event in events if event is first or event.meets(first)]
         reported = [event for event in met if event.what != "miss"] or met
         best = min(reported, key=lambda event: event.radius)
         radius = max(event.radius + abs(event.place - best.place) / ONE for event in reported)
         place = arb(best.place) / ONE
-        time, state = _split(start + unit * place), tuple(_split(series(place)) for series in states)
+        time, state = split(start + unit * place), tuple(split(series(place)) for series in states)
         falling = [event.guard for event in met if event.what == "root" or _ends(modes, guards, event)]
         touching = [(e.guard, e.order) for e in met if e.what == "touch" and e.guard not in falling]
         ball = arb(place, radius)
@@ -170,7 +164,7 @@ def _beyond_rounding(
     Central differences show how much rounding moves a minimum. (They are zero for the minimum of a square, which is 0
     for every state.)
     """
-    flat = {e.guard: 0.0 for e in events if e.depth <= FLAT_LEVEL}
+    flat = {e.guard: 0.0 for e in events if e.depth <= 1e-6}  # certainly no other minimum is affected by rounding
     if not flat or not any(step.rounding):
         return list(events)
     for i, off in enumerate(step.rounding):
@@ -184,9 +178,10 @@ def _beyond_rounding(
             low, high = (arb_poly(list(o[event.guard]))(arb(event.place) / ONE) for o in (below, above))
             size = sum((abs(float(c)) for c in outputs[event.guard]), 0.0) or 1.0
             flat[event.guard] += abs(float(high - low)) / (2.0 * SMALL_PART * size)
+    # A relative change of less than 1e-40 is of higher order, or rounding of multiprecision itself.
     found = [
         replace(e, what="miss", lowest=True, order=2, place=e.bottom, below_rounding=True)
-        if flat.get(e.guard, 0.0) > max(e.depth, LEAST_MOVE)
+        if flat.get(e.guard, 0.0) > max(e.depth, 1e-40)
         else e
         for e in events
     ]
@@ -202,10 +197,13 @@ def _ends(modes: PreciseModes, guards: Sequence[Guard], event: GuardEvent) -> bo
 
 
 def _zeros_behind(events: Sequence[GuardEvent], here: GuardEvent, count: int) -> tuple[int, ...]:
-    """Return the number of zeros of each guard at a minimum of one of them at which the mode continues."""
+    """Return the number of zeros of each guard at a minimum of one of them at which the mode continues.
+
+    A minimum above zero is passed together with another one within 1e-12 of the step.
+    """
     zeros = [0] * count
     for event in events:
-        same_minimum = abs(event.place - here.place) / ONE <= SAME_MINIMUM_PART
+        same_minimum = abs(event.place - here.place) / ONE <= 1e-12
         if event.lowest and (event is here or event.meets(here) or (same_minimum and event.what == "miss")):
             zeros[event.guard] = event.order
     return tuple(zeros)
@@ -250,10 +248,3 @@ def _unless_unique(
         return None
     decision = after_event(modes.in_balls.at(*point), mode, surfaces)
     return decision if decision.status == "nonunique" else None
-
-
-def _split(number: arb) -> Pair:
-    """Return a number as a pair of doubles; a second one below the rounding error of pairs is replaced by 0."""
-    high = float(number)
-    low = float(number - high)
-    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -15,10 +15,6 @@ from henon_ref.expressions.bounds import double_double
 
 Pair = tuple[float, float]
 """Number as its nearest double and the remainder."""
-WHOLE = 2**53
-"""Integers up to this size are exact doubles."""
-KEPT = 256
-"""Number of cached conversions: most of many runs have the same initial values and horizon."""
 SHORT = 1e6
 """A multiple of 1/256 below this has at most 15 decimals, so that Python prints it exactly."""
 
@@ -37,21 +33,16 @@ def pair_of(value: Any) -> Pair | None:
     True
     """
     if type(value) is int:
-        return (float(value), 0.0) if -WHOLE <= value <= WHOLE else None
+        return (float(value), 0.0) if abs(value) <= 2**53 else None  # up to this size integers are exact doubles
     if isinstance(value, float):  # NumPy's doubles are
         value = float(value)
         return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)
     return _rational(value.numerator, value.denominator) if type(value) is Fraction else None
 
 
-def decimal_pair(value: Any) -> Pair | None:
-    """Apply :func:`pair_of` to an int or float, whose double determines the exact number; None for a Fraction."""
-    return None if type(value) is Fraction else pair_of(value)
-
-
-def pairs_of(values: Collection[Any], read: Callable[[Any], Pair | None] = pair_of) -> tuple[Pair, ...] | None:
-    """Apply :func:`pair_of` or :func:`decimal_pair` to several values; None if it is None for one."""
-    found = tuple([pair for value in values if (pair := read(value)) is not None])
+def pairs_of(values: Collection[Any]) -> tuple[Pair, ...] | None:
+    """Apply :func:`pair_of` to several values; None if it is None for one."""
+    found = tuple([pair for value in values if (pair := pair_of(value)) is not None])
     return found if len(found) == len(values) else None
 
 
@@ -103,7 +94,7 @@ def _rational(numerator: int, denominator: int) -> Pair | None:
         return None
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=256)  # most of many runs have the same initial values and horizon
 def _printed(value: float) -> Pair | None:
     """Return a double and the remainder of the decimal number that Python prints for it; None if not finite."""
     try:

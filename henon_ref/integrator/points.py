@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import LoopData
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, Start, out_of_steps, row_at_start, run_template
 from henon_ref.integrator.pairs import decimal_pairs, exact_expression
 from henon_ref.integrator.records import (
     CHUNK,
@@ -23,7 +23,6 @@ from henon_ref.integrator.records import (
 )
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.run_result import numbered_rows
-from henon_ref.integrator.start import Start, out_of_steps, row_at_start, run_template
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Status, Trajectory
@@ -92,7 +91,7 @@ class PointRuns:
     exact : callable, optional
         Returns the exact numbers of a point, by index. By default the printed decimal numbers.
     **settings
-        Arguments of :func:`henon_ref.integrator.start.run_template`.
+        Arguments of :func:`henon_ref.integrator.integrator.run_template`.
 
     Doubles stand for the decimal numbers that Python prints; arrays with a last axis of length 2 are pairs (see
     :mod:`henon_ref.integrator.pairs`).

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,11 @@ from henon_ref.integrator.constant_program import ConstantProgram, constant_prog
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.shared import EPS
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, RING, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, ball_function, guards_and_tape
+from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, guards_and_tape
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.roots.multiprecision import BITS
@@ -30,21 +31,17 @@ from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
 
 MOST_ORDER = 320
 """Largest order of an expansion; it ends earlier if its terms are negligible or the motion is a polynomial."""
-NEGLIGIBLE = 1e-50
-"""Size of negligible terms relative to the sum of all terms on the step."""
 ENDING_ORDERS = 4
 """Number of consecutive negligible orders that end an expansion."""
-
-MOST_STEPS = 1000
-"""Largest number of steps (some seconds)."""
 SAME = 1e-2
 """Largest relative difference between the doubles and the motion for which its digits are trusted."""
 
 
 def split(number: arb) -> Pair:
-    """Return a number as a pair of doubles."""
-    high = float(number.mid())
-    return high, float(number.mid() - high)
+    """Return a number as a pair of doubles; a second one below the rounding error of pairs is replaced by 0."""
+    high = float(number)
+    low = float(number - high)
+    return high, (low if abs(low) > 2.0**-106 * abs(high) else 0.0)
 
 
 class SharedTapes:
@@ -55,9 +52,6 @@ class SharedTapes:
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
         self.system, self._parameters = system, parameters
-        self.mode = cache(self._mode)
-        self.program = cache(self._program)
-        self.tape = cache(self._tape)
         self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
@@ -75,16 +69,19 @@ class SharedTapes:
                 self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
         return self._programs[id(tape)][1]
 
-    def _mode(self, mode: Mode) -> GuardsAndTape | None:
+    @cached_method
+    def mode(self, mode: Mode) -> GuardsAndTape | None:
         with one_at_a_time():
             return guards_and_tape(self.system, mode)
 
-    def _program(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
+    @cached_method
+    def program(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
         """Write a program of expressions in time, ``names`` and parameters."""
         with one_at_a_time():
             return constant_program((TIME, *names, *self._parameters), expressions)
 
-    def _tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
+    @cached_method
+    def tape(self, names: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Tape:
         """Build a tape of expressions in time and ``names``."""
         with one_at_a_time():
             return build_tape(names, (), expressions)
@@ -115,7 +112,12 @@ class _InBalls(_InDoubles):
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = self._tapes.tape(tuple(names), tuple(expressions))
-        return ball_function(tape, self.constants(tape))
+        numbers = self.constants(tape)
+
+        def values(t: arb, *x: arb | int) -> list[arb]:
+            return [series[0] for series in expand(tape, numbers, t, [arb(v) for v in x], 0, RING)[1]]
+
+        return values
 
 
 class PreciseModes:
@@ -129,7 +131,6 @@ class PreciseModes:
 
     def __init__(self, in_doubles: ModeEvaluation, make_in_balls: Callable[[], ModeEvaluation]) -> None:
         self.system, self.in_doubles, self._make_in_balls = in_doubles.system, in_doubles, make_in_balls
-        self._functions: dict[tuple[sp.Expr, ...], Callable[..., list[Any]]] = {}
 
     @cached_property
     def in_balls(self) -> ModeEvaluation:
@@ -137,14 +138,13 @@ class PreciseModes:
         with compiling():
             return self._make_in_balls()
 
-    def _at(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
-        if expressions not in self._functions:
-            self._functions[expressions] = self.in_balls.function(self.system.states, expressions)
-        return self._functions[expressions](t, *x)
+    @cached_method
+    def _function(self, expressions: tuple[sp.Expr, ...]) -> Callable[..., list[Any]]:
+        return self.in_balls.function(self.system.states, expressions)
 
     def values(self, expressions: tuple[sp.Expr, ...], t: arb, x: Sequence[arb]) -> list[arb]:
         """Evaluate expressions in time and states at a point; ValueError if a value is not finite."""
-        found = self._at(expressions, t, x)
+        found = self._function(expressions)(t, *x)
         if not all(value.is_finite() for value in found):
             raise ValueError("a value is not finite")
         return found
@@ -200,7 +200,7 @@ class PreciseModes:
         farthest = 0.0
         for h in (self.system.surfaces[i] for i in surfaces):
             slopes = gradient(h, self.system.states)
-            value, *steep = (abs(float(v)) for v in self._at((h, *slopes), time.mid(), [v.mid() for v in state]))
+            value, *steep = (abs(float(v)) for v in self._function((h, *slopes))(time.mid(), *(v.mid() for v in state)))
             farthest = max(farthest, value / max(steep) if max(steep) > 0 else 0.0)
         return farthest
 
@@ -217,9 +217,9 @@ def _degree(tape: Tape) -> int:
 
 
 def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:
-    """Whether the last terms of all series are negligible at argument 1."""
+    """Whether the last terms of all series are below 1e-50 of the sum of all terms at argument 1."""
     sizes = (list(map(abs, map(float, row))) for row in rows)
-    return all(max(terms[-ENDING_ORDERS:]) <= NEGLIGIBLE * sum(terms) < math.inf for terms in sizes)
+    return all(max(terms[-ENDING_ORDERS:]) <= 1e-50 * sum(terms) < math.inf for terms in sizes)
 
 
 class PreciseMotion:
@@ -248,10 +248,10 @@ class PreciseMotion:
         return list(self._state), [rounding * error for error in off]
 
     def _advance(self, time: arb, length: float) -> bool:
-        """Advance to a time; False if that takes too many steps."""
+        """Advance to a time; False if that takes too many steps (some seconds)."""
         part = 1.0
         while self._time < time:
-            if self._steps >= MOST_STEPS or part < 2.0**-20:
+            if self._steps >= 1000 or part < 2.0**-20:
                 return False
             self._steps += 1
             left = time - self._time

@@ -20,12 +20,6 @@ from numpy.typing import NDArray
 from henon_ref.kernel.shared import doubles, ffi, kernel, record_dtype
 from henon_ref.modes.mode import Mode
 
-STICK: int = kernel.STICK
-RELEASED: int = kernel.RELEASED
-CROSSING: int = kernel.CROSSING
-GRAZE: int = kernel.GRAZE
-RESET: int = kernel.RESET
-"""Kinds of transitions."""
 HENON: int = kernel.HENON
 NEWTON: int = kernel.NEWTON
 BRENT: int = kernel.BRENT

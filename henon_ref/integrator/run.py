@@ -15,22 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
-from henon_ref.integrator.integrator import Integrator, local_error, order_for
-from henon_ref.integrator.records import CHUNK, HENON, STEP_PLACES, Workspace, numbered, step_dtype, words_of
+from henon_ref.integrator.integrator import NO_LIMIT, Integrator, Start, local_error, order_for, out_of_steps
+from henon_ref.integrator.records import HENON, numbered, step_dtype
 from henon_ref.integrator.run_result import Reason, RunResult, TransitionArray, shown
-from henon_ref.integrator.start import NO_LIMIT, Start, out_of_steps
-from henon_ref.integrator.state_view import State
+from henon_ref.integrator.state_view import NO_DECISIONS, NO_SAMPLES, State
 from henon_ref.jit.processor_time import Deadline
-from henon_ref.kernel.shared import doubles, ffi, kernel
-from henon_ref.modes.kinks import HiddenKinks
+from henon_ref.kernel.shared import kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
-from henon_ref.trajectory import Decisions, Status, Trajectory, Transition
+from henon_ref.modes.system import FilippovSystem
+from henon_ref.trajectory import Status, Trajectory, Transition
 
 _whole_run, _loop, _HORIZON = kernel.whole_run, kernel.advance, kernel.HORIZON  # a library's names take longer to find
 _WITHOUT_DECISION = frozenset({_HORIZON, kernel.STOPPED, kernel.BLOCK_FULL, kernel.STEPS_FULL, kernel.BUDGET_SPENT})
-_NO_SAMPLES = np.zeros((0, 2))
-_NO_DECISIONS = Decisions()
 
 
 def run_to_horizon(
@@ -38,9 +35,9 @@ def run_to_horizon(
     start: Start,
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
-    kinks: HiddenKinks | None = None,
+    kinks: FilippovSystem | None = None,
 ) -> Trajectory:
-    """Run to the horizon, or to an earlier end; leave out transitions on ``kinks`` that another branch hides.
+    """Run to the horizon, or to an earlier end; leave out transitions on hidden kinks of the system ``kinks``.
 
     Most runs end in one call of the loop. They need no :class:`Run`, which costs as much as a short run itself.
     """
@@ -71,30 +68,16 @@ def prepared_run(
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
 ) -> Callable[[], Trajectory]:
-    """Compile a problem and decide its start.
+    """Compile a problem, decide its start, and return a function that does the entire run at each call.
 
-    Parameters
-    ----------
-    problem : Problem
-    rtol : float
-        Tolerance; the local error of a step is a tenth of it (:func:`local_error`).
-    landing : int
-        One of :data:`henon_ref.integrator.records.LANDINGS`.
-    sample_times : ndarray, shape (k,), optional
-        Increasing times at which the state is sampled.
-    deadline : float, optional
-        Limit on the processor time of the run [s].
-
-    Returns
-    -------
-    callable
-        Does the entire run again at each call.
+    ``rtol``: tolerance; the local error of a step is a tenth of it (:func:`local_error`). ``landing``: index of
+    :data:`henon_ref.integrator.records.LANDINGS`. ``sample_times``, ``deadline``: see :class:`State`.
     """
     error = local_error(rtol)
     integrator = Integrator(problem.system, order_for(error))
     # The deadline, not a number of steps, limits the run.
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
-    kinks = HiddenKinks(problem.system) if problem.system.kinks else None
+    kinks = problem.system if problem.system.kinks else None
     return partial(run_to_horizon, integrator, start, sample_times, deadline, kinks)
 
 
@@ -124,62 +107,9 @@ class Jumped(NamedTuple):
 class Run(State):
     """One run: calls the compiled loop until the horizon, and handles its return codes.
 
-    During its lifetime a run has a workspace of some 100 kB.
-
     :meth:`to_horizon` runs to the horizon; :meth:`next_event` stops after each transition, so that the caller may read
     and change :attr:`x` there (for example, for variational equations) before the run continues.
-
-    Parameters
-    ----------
-    integrator : Integrator
-    start : Start
-    sample_times : ndarray, shape (k,), optional
-    deadline : float, optional
-        Processor time, without compiling, after which the run stops with status ``timeout`` [s].
-    block : int
-        Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
-    dense : int
-        Number of steps in one block of memory, for dense output; 0: steps are not kept.
-    begun : Workspace, optional
-        Memory of the run, if the loop has been called before.
-
-    Attributes
-    ----------
-    ended : Trajectory or None
-        Result of the run, after :meth:`stream` has finished.
     """
-
-    def __init__(
-        self,
-        integrator: Integrator,
-        start: Start,
-        sample_times: NDArray[np.float64] | None = None,
-        deadline: float | None = None,
-        block: int = CHUNK,
-        dense: int = 0,
-        begun: Workspace | None = None,
-    ) -> None:
-        self.workspace = workspace = begun or integrator.workspace()
-        if begun is None:
-            workspace.memory[:] = start.block
-        self.integrator, self.start, self.deadline = integrator, start, deadline
-        self.scalars, self.state = workspace.run, workspace.state
-        if block != CHUNK:
-            self.scalars.transition_capacity = block
-        self.samples, self._sampled = _NO_SAMPLES, ffi.NULL
-        if sample_times is not None:
-            words = max(1, words_of(integrator.mode_table.contacts))
-            self.samples = np.full((sample_times.size, 1 + len(start.x) + words), np.nan)
-            self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
-        self.blocks, self.step_blocks, self._steps = [], [], None
-        self.passed_at, self.motion, self.decisions = -1, None, _NO_DECISIONS
-        self.ended: Trajectory | None = None
-        if dense:
-            self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (self.scalars.order + 1)))
-            self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense
-
-    def __del__(self) -> None:
-        self.integrator.free.append(self.workspace)
 
     @property
     def steps(self) -> NDArray[Any]:
@@ -245,7 +175,7 @@ class Run(State):
         """Call the compiled loop once and handle its return code; None if the run continues."""
         refused = self.start.refused
         if refused is not None:
-            unasked = self.samples is _NO_SAMPLES
+            unasked = self.samples is NO_SAMPLES
             return refused if unasked else refused._replace(samples=self._sampled_states(), sample_modes=())
         data = _loop_data(self.integrator, self.start)
         return self._answered(_loop(self.scalars, data.tables, self._sampled, len(self.samples)), stop=stop)
@@ -283,11 +213,11 @@ class Run(State):
 
     def _end(self, status: Status, reason: Reason) -> Trajectory:
         end: Trajectory = RunResult(self.integrator.mode_table, self.workspace, None, status, reason)
-        if self.decisions is not _NO_DECISIONS:
+        if self.decisions is not NO_DECISIONS:
             end.counts.decisions = self.decisions
         if self.blocks:
             self.close_block()
             end = end._replace(transitions=self._array(np.concatenate(self.blocks)))
-        if self.samples is not _NO_SAMPLES:
+        if self.samples is not NO_SAMPLES:
             end = end._replace(samples=self._sampled_states(), sample_modes=self._sampled_modes())
         return end

@@ -21,8 +21,9 @@ from henon_ref.integrator.records import (
     transition_dtype,
     words_of,
 )
-from henon_ref.modes.kinks import HiddenKinks
+from henon_ref.modes.kinks import are_visible, shown_mode
 from henon_ref.modes.mode import Mode
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Counts, Kind, Status, Trajectory, Transition
 
 KINDS: tuple[Kind, ...] = ("stick", "release", "crossing", "graze", "reset")
@@ -46,14 +47,14 @@ class TransitionArray(Sequence[Transition]):
     contacts : int, optional
         Number of entries of a mode, if the words of the modes before and after follow each state
         (:mod:`henon_ref.integrator.records`). They are converted to indices and modes on first access.
-    kinks : HiddenKinks, optional
-        Kinks whose transitions are left out if another branch hides them; on first access, too.
+    kinks : FilippovSystem, optional
+        System whose hidden kinks are left out (:mod:`henon_ref.modes.kinks`); on first access, too.
     """
 
     __slots__ = ("_made_of", "_numbered")
 
     def __init__(
-        self, rows: NDArray[np.float64], modes: Sequence[Mode], contacts: int = 0, kinks: HiddenKinks | None = None
+        self, rows: NDArray[np.float64], modes: Sequence[Mode], contacts: int = 0, kinks: FilippovSystem | None = None
     ) -> None:
         self._made_of = rows, modes, contacts, kinks
         self._numbered = None if contacts or kinks else (rows, modes)
@@ -66,7 +67,8 @@ class TransitionArray(Sequence[Transition]):
                 rows, modes = numbered_rows(rows, contacts)
             if kinks:
                 records, modes = _records(rows), tuple(modes)
-                rows, modes = rows[kinks.are_transitions(records, modes)], tuple(map(kinks.shown, modes))
+                rows = rows[are_visible(kinks, records, modes)]
+                modes = tuple(shown_mode(kinks, mode) for mode in modes)
             self._numbered = rows, modes
         return self._numbered
 
@@ -85,8 +87,8 @@ class TransitionArray(Sequence[Transition]):
         """Rows as given to the constructor, without those on hidden kinks."""
         return self.rows if self._made_of[3] else self._made_of[0]
 
-    def visible(self, kinks: HiddenKinks) -> TransitionArray:
-        """Return the transitions that are not on hidden kinks, with modes converted by :meth:`HiddenKinks.shown`."""
+    def visible(self, kinks: FilippovSystem) -> TransitionArray:
+        """Return the transitions that are not on hidden kinks, with modes as :func:`shown_mode` returns them."""
         rows, modes, contacts, _ = self._made_of
         return TransitionArray(rows, modes, contacts, kinks)
 
@@ -134,14 +136,14 @@ def _records(rows: NDArray[np.float64]) -> NDArray[Any]:
     return rows.view(transition_dtype(rows.shape[1] - TRANSITION_PLACES))[:, 0]
 
 
-def shown(found: Trajectory, kinks: HiddenKinks | None) -> Trajectory:
-    """Return the result of a run without transitions on kinks that another branch hides."""
+def shown(found: Trajectory, kinks: FilippovSystem | None) -> Trajectory:
+    """Return the result of a run without transitions on hidden kinks of the system ``kinks``."""
     if kinks is None:
         return found
     transitions = found.transitions
     if isinstance(transitions, TransitionArray):
         transitions = transitions.visible(kinks)
-    return found._replace(transitions=transitions, end_mode=kinks.shown(found.end_mode))
+    return found._replace(transitions=transitions, end_mode=shown_mode(kinks, found.end_mode))
 
 
 def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.float64], tuple[Mode, ...]]:
@@ -161,22 +163,14 @@ def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.
 class RunResult(Trajectory):
     """Trajectory whose fields, except the status, are made when one is first read: they take longer than a short run.
 
-    Parameters
-    ----------
-    table : ModeTable
-    workspace : Workspace
-        Memory of the run, which may be used for another run afterwards.
-    kinks : HiddenKinks, optional
-        Kinks whose transitions are left out if another branch hides them.
-    status : Status
-    reason : str or callable
+    The memory of the run may be used for another run afterwards. ``kinks``: system whose hidden kinks are left out.
     """
 
     def __init__(
         self,
         table: ModeTable,
         workspace: Workspace,
-        kinks: HiddenKinks | None = None,
+        kinks: FilippovSystem | None = None,
         status: Status = "ok",
         reason: Reason = "",
     ) -> None:
@@ -194,7 +188,7 @@ class RunResult(Trajectory):
         self.transitions = () if rows is None else TransitionArray(rows, table.modes, table.contacts, kinks)
         self.end_time, self.end_state = found[0], found[7:-1]
         mode = table.mode(read(found[-1]) if table.contacts else found[1])
-        self.end_mode = kinks.shown(mode) if kinks else mode
+        self.end_mode = shown_mode(kinks, mode) if kinks else mode
         self.reason, self.counts = reason if isinstance(reason, str) else reason(), Counts(*found[2:5])
         self.undecided_after = tuple((i if i < surfaces else -1, t) for i, t in enumerate(since) if t < math.inf)
         return getattr(self, name)

@@ -3,53 +3,90 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.pairs import Pair
-from henon_ref.integrator.records import STATE_PLACE, STEP, STEP_PLACES, Workspace, read, written
-from henon_ref.integrator.start import Start
-from henon_ref.kernel.shared import doubles
+from henon_ref.integrator.records import CHUNK, STATE_PLACE, STEP, STEP_PLACES, Workspace, read, words_of, written
+from henon_ref.kernel.shared import doubles, ffi
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
-from henon_ref.trajectory import Decisions
+from henon_ref.trajectory import Decisions, Trajectory
 
 if TYPE_CHECKING:
     from henon_ref.integrator.precise_modes import PreciseMotion
+
+NO_SAMPLES = np.zeros((0, 2))
+NO_DECISIONS = Decisions()
 
 
 class State:
     """Memory block of a run, views of its parts, and the data that the run keeps.
 
-    :class:`Run` sets the attributes; a call of another ``__init__`` would cost a tenth of a short run.
+    During its lifetime a run has a workspace of some 100 kB. (:class:`henon_ref.integrator.run.Run` has no ``__init__``
+    of its own: a second call would cost a tenth of a short run.)
+
+    Parameters
+    ----------
+    sample_times : ndarray, shape (k,), optional
+        Increasing times at which the state is sampled [s].
+    deadline : float, optional
+        Processor time, without compiling, after which the run stops with status ``timeout`` [s].
+    block : int
+        Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
+    dense : int
+        Number of steps in one block of memory, for dense output; 0: steps are not kept.
+    begun : Workspace, optional
+        Memory of the run, if the loop has been called before.
     """
 
-    integrator: Integrator
-    start: Start
-    workspace: Workspace
-    """Memory that belongs to the run during its lifetime."""
-    scalars: Any
-    """``struct run`` of the kernel's header, at the beginning of the block."""
-    state: NDArray[np.float64]
-    """Part of the workspace, initialized from the start."""
-    blocks: list[NDArray[np.float64]]
-    """Blocks of transitions that were moved out of the loop's memory."""
-    step_blocks: list[NDArray[np.float64]]
-    """Full blocks of steps: rows of :func:`henon_ref.integrator.records.step_dtype`, as doubles."""
-    samples: NDArray[np.float64]
-    """Sample times, with the states and mode there."""
-    decisions: Decisions
-    """Number of calls of Python so far, by cause."""
-    motion: PreciseMotion | None
-    """Motion from the start in multiprecision, once it has been needed."""
-    passed_at: int
-    """Number of steps at the last branch point that was passed."""
-    _steps: NDArray[np.float64] | None
-    """Current block of steps; None if steps are not kept."""
+    def __init__(
+        self,
+        integrator: Integrator,
+        start: Start,
+        sample_times: NDArray[np.float64] | None = None,
+        deadline: float | None = None,
+        block: int = CHUNK,
+        dense: int = 0,
+        begun: Workspace | None = None,
+    ) -> None:
+        self.workspace = workspace = begun or integrator.workspace()
+        if begun is None:
+            workspace.memory[:] = start.block
+        self.integrator, self.start, self.deadline = integrator, start, deadline
+        self.scalars, self.state = workspace.run, workspace.state
+        if block != CHUNK:
+            self.scalars.transition_capacity = block
+        self.samples, self._sampled = NO_SAMPLES, ffi.NULL
+        """Sample times, with the states and mode there; and a pointer to them."""
+        if sample_times is not None:
+            words = max(1, words_of(integrator.mode_table.contacts))
+            self.samples = np.full((sample_times.size, 1 + len(start.x) + words), np.nan)
+            self.samples[:, 0], self._sampled = sample_times, doubles(self.samples)
+        self.blocks: list[NDArray[np.float64]] = []
+        """Blocks of transitions that were moved out of the loop's memory."""
+        self.step_blocks: list[NDArray[np.float64]] = []
+        """Full blocks of steps: rows of :func:`henon_ref.integrator.records.step_dtype`, as doubles."""
+        self._steps: NDArray[np.float64] | None = None
+        """Current block of steps; None if steps are not kept."""
+        self.passed_at = -1
+        """Number of steps at the last branch point that was passed."""
+        self.motion: PreciseMotion | None = None
+        """Motion from the start in multiprecision, once it has been needed."""
+        self.decisions = NO_DECISIONS
+        """Number of calls of Python so far, by cause."""
+        self.ended: Trajectory | None = None
+        """Result of the run, after it has been streamed."""
+        if dense:
+            self._steps = np.empty((dense, STEP_PLACES + len(start.x) * (self.scalars.order + 1)))
+            self.scalars.dense, self.scalars.dense_capacity = doubles(self._steps), dense
+
+    def __del__(self) -> None:
+        self.integrator.free.append(self.workspace)
 
     @property
     def guards(self) -> tuple[Guard, ...]:

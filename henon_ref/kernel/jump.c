@@ -40,7 +40,7 @@ struct jump {
 /* Write the state after the jump, what rounding lost of it, and new values of surfaces into the room; false if they are
  * not finite, or an operation has left the range of doubles.
  *
- * The value of a surface whose function the map keeps is 0. The map of a surface (henon_ref/integrator/jump_code.py)
+ * The value of a surface whose function the map keeps is 0. The map of a surface (henon_ref/integrator/mode_code.py)
  * does not write what it does not change.
  */
 static bool map_state(const struct work *w, const struct jump *jump)

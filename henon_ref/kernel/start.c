@@ -1,6 +1,6 @@
 /* Start of a run: its numbers in its block, and its mode, if that is clear: off all surfaces, or on one of them.
  *
- * A single run from Python (henon_ref/integrator/start.py) and each of many points (points.c) start here.
+ * A single run from Python (henon_ref/integrator/integrator.py) and each of many points (points.c) start here.
  */
 
 /* Write a start's numbers into a run's block.

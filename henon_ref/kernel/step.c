@@ -166,6 +166,9 @@ static void refine_release(struct work *w, int64_t guard, double unit, double th
     for (int step = 0; step < 3; step++) {
         w->mode->expansion(run->time, run->time_low, unit, w->x, w->constants, w->ahead);
         run->expansions += 1;
+        for (int64_t i = 0; i < run->states; i++) /* a row is a whole number of vectors; root isolation used its end */
+            for (int64_t k = run->order + 1; k < w->width; k++)
+                w->ahead[i * w->width + k] = 0.0;
         const double *row = row_ahead(w, run->states + guard);
         double off = row[0], slope = row[1], size = fabs(off) + fabs(slope) * theta;
         if (fabs(off) <= 2.0 * EPS * size || !(slope < 0.0))

@@ -9,10 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import sympy as sp
-
 from henon_ref.errors import ModelError
-from henon_ref.modes.arithmetic import NO_VALUE
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
@@ -68,7 +66,7 @@ def after_jump(
     hit = {g.index for g in hits if g.kind == "surface"}
     try:
         end = Cascade(system, numbers, mode, t).end(x, hit, surfaces)
-    except NO_VALUE:
+    except ARITHMETIC:
         return AfterJump(_not_finite(numbers, t, x), x)
     if isinstance(end, Decision):
         return AfterJump(end, x)
@@ -104,7 +102,7 @@ class _Rule:
         system, numbers, t, after, sides = self.system, self.numbers, self.t, self.state, self.sides
         try:
             valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
-        except NO_VALUE:
+        except ARITHMETIC:
             return AfterJump(_not_finite(numbers, t, after), after)
         on = tuple(i for i, side in enumerate(sides) if side == 0)
         for i, rate in self.rates.items():
@@ -116,7 +114,7 @@ class _Rule:
             found = self._followed(decision, on, most, valid)
             beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
             return self._no_rest(beside[:1], SEVERAL) if beside else found
-        except NO_VALUE:
+        except ARITHMETIC:
             return AfterJump(_refused(f"a derivative after t = {numbers.at(t, after).when} is not finite"), after)
 
     def _decided(self, x: Sequence[Any], sides: Sequence[int], valid: Sequence[int]) -> Decision:
@@ -190,8 +188,8 @@ class _Rule:
         turned = self._turned(index, mode)
         if not turned or not turning_in_flight(self.system, index).issuperset(turned):
             return None
-        signs = {s: sp.Integer(entry) for s, entry in zip(self.system.signs, self.mode, strict=True)}
-        return self.numbers.values((self.impacts[index].acceleration.xreplace(signs),), self.t, after)[0]
+        acceleration = self.impacts[index].acceleration.xreplace(self.system.entries(self.mode))
+        return self.numbers.values((acceleration,), self.t, after)[0]
 
     def _mode_at_rest(
         self, times: Mapping[int, Any], mode: Mode, after: Sequence[Any], sides: Sequence[int], valid: Sequence[int]

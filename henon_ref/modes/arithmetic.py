@@ -19,8 +19,6 @@ from henon_ref.modes.mode import CLEAR, Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import FLOAT, Ring
 
-NO_VALUE = (ZeroDivisionError, ValueError, OverflowError)
-"""Exceptions of ``math`` and python-flint for an expression without a finite value."""
 ZERO = 1e-13
 """Relative size below which a derivative counts as zero (doubles cannot resolve a tangency below it)."""
 ORDER = 8
@@ -40,9 +38,6 @@ class Doubles:
     last, since rounding may be larger, or the derivative smaller."""
     carries_errors = False
     """Whether a number has its own error bound, so that no size is needed to decide whether it is zero."""
-
-    def number(self, exact: sp.Expr) -> float:
-        return float(exact)
 
     def rate(self, states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
         """Return an inverse time scale of the solution, which makes coefficients of different orders comparable.
@@ -94,9 +89,6 @@ class Balls:
     levels: tuple[float, ...] = (0.0,)
     carries_errors = True
 
-    def number(self, exact: sp.Expr) -> arb:
-        return arb(str(sp.N(exact, 75))).mid()  # more digits than the working precision has
-
     def rate(self, states: Sequence[Sequence[arb]], guards: Sequence[Sequence[arb]]) -> float:
         """1: each coefficient is compared with zero by itself; ValueError if one is not finite."""
         if not all(c.is_finite() for series in guards for c in series):
@@ -138,7 +130,7 @@ class Point(Protocol):
         """Time as messages name it."""
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
-        """Guards of a mode, None without equations; :data:`NO_VALUE` if their derivatives are not finite."""
+        """Guards of a mode, None without equations; raises ``ARITHMETIC`` if their derivatives are not finite."""
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
         """First non-zero coefficient of a guard, from derivative ``first`` on; None if the guard stays zero.
@@ -160,15 +152,6 @@ class Point(Protocol):
 
     def same_motion(self, first: Mode, second: Mode) -> bool:
         """Whether two modes with equations have the same motion, in all derivatives that are computed."""
-
-
-class Evaluation(Protocol):
-    """Evaluation of the modes of a system."""
-
-    system: FilippovSystem
-
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        """Return the point of exact numbers."""
 
 
 def _growth(series: Sequence[float], first: int) -> float:

@@ -24,7 +24,7 @@ Scalar = Callable[..., tuple[float, ...]]
 """``f(t, *x)`` -> one float per expression."""
 
 ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
-"""Exceptions of ``math`` for an expression without a finite value."""
+"""Exceptions of ``math`` and python-flint for an expression without a finite value."""
 
 
 def rounded(expression: sp.Expr) -> sp.Expr:

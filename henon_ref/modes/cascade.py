@@ -40,7 +40,7 @@ class Numbers(Protocol):
     """Part of the size of its terms below which a value counts as rounding of zero."""
 
     def values(self, expressions: tuple[sp.Expr, ...], t: Any, x: Sequence[Any]) -> list[Any]:
-        """Values of expressions in time and states at a point; raises an exception of ``NO_VALUE`` if one has none."""
+        """Values of expressions in time and states at a point; raises ``ARITHMETIC`` if one has none."""
 
     def sign(self, value: Any) -> int:
         """Sign of a value; 0 if it cannot be distinguished from zero."""
@@ -91,7 +91,7 @@ class Cascade:
 
     def __init__(self, system: FilippovSystem, numbers: Numbers, mode: Mode, t: Any) -> None:
         self._system, self._numbers, self._mode, self._t = system, numbers, mode, t
-        self._signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        self._signs = system.entries(mode)
         self._groups = acting_groups(system)
         self._count, self._endless = 0, False
 

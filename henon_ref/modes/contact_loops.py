@@ -38,7 +38,6 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.switched_field import AGREE, SwitchedField
 from henon_ref.text import listed
 
-SIDES = (1, -1)
 Relation = Mapping[int, sp.Rational]
 """Surface -> its non-zero factor in a sum that is zero at all times."""
 
@@ -149,8 +148,8 @@ def loop_ends(
         weights = _weights(system, loop, ends, signs)
         guards |= dict.fromkeys(ends, ())
         for cut in cuts(loop):
-            first = min(cut, key=lambda i: (len(ends[i]) < len(SIDES), i))  # a rest only if all are rests
-            for way in SIDES:
+            first = min(cut, key=lambda i: (len(ends[i]) < 2, i))  # a rest only if all are rests
+            for way in (1, -1):
                 sides = {i: way if y > 0 else -way for i, y in cut.items()}
                 if any(side not in ends[i] for i, side in sides.items()):
                     continue

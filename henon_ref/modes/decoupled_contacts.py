@@ -141,18 +141,19 @@ class SwitchedEquations:
 
     def own_guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of the mode's own equations."""
-        guards, sides = self.guards(mode), self._sides(mode)
+        guards, sides = self.guards(mode), self.sides(mode)
         own = (guards[row] for row in self.rows(mode))
         if not sides:
             return tuple(own)
-        beside = self._beside(sides)
+        beside = self.beside(sides)
         return tuple(replace(g, expression=put(g.expression, beside)) if g.kind == "release" else g for g in own)
 
-    def _sides(self, mode: Mode) -> Mode:
+    def sides(self, mode: Mode) -> Mode:
         """Return the entries of the surfaces without sliding."""
         return tuple(mode[i] for i in sorted(self.crossed))
 
-    def _beside(self, sides: Mode) -> dict[sp.Symbol, sp.Expr]:
+    def beside(self, sides: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """Sign of each surface without sliding -> its entry."""
         return {self.system.signs[i]: sp.Integer(s) for i, s in zip(sorted(self.crossed), sides, strict=True)}
 
     def values(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
@@ -166,7 +167,7 @@ class SwitchedEquations:
         With the normal velocities N below and above, Filippov's equivalent sign is (N(-1) + N(+1)) / (N(-1) - N(+1)).
         """
         rates = tuple(self._rate(row, tuple(mode[i] for i in acting)) for row, acting in enumerate(self._acting))
-        sides, slid = self._sides(mode), {i for i, s in enumerate(mode) if not s} - self.crossed
+        sides, slid = self.sides(mode), {i for i, s in enumerate(mode) if not s} - self.crossed
         signs = {i: self._equivalent_sign(i, sides) for i in sorted(slid - self.system.overrides.keys())}
         return ModeEquations(rates, self.own_guards(mode), signs)
 
@@ -187,7 +188,7 @@ class SwitchedEquations:
         contact = self.contacts[index]
         assert contact is not None  # something slides on the surface
         above, below = (end.expression / 2 for end in contact.ends)
-        return put((below - above) / (below + above), self._beside(sides))
+        return put((below - above) / (below + above), self.beside(sides))
 
 
 def switched_equations(system: SwitchedField) -> SwitchedEquations | None:

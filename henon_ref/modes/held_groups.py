@@ -64,8 +64,6 @@ from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
-EXHAUSTIVE = 4
-"""Largest number of active surfaces, none with static friction, for which all candidate modes are tried."""
 MOST_LOOSE = 8
 """Largest number of surfaces that are not contacts and are reached with zero speed; both sides of each are tried."""
 IDENTICALLY_ZERO = 1000
@@ -92,11 +90,11 @@ class Numbers:
 
 
 def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
-    """Check whether active surfaces are decided as groups: some have static friction, or there are many.
+    """Check whether active surfaces are decided as groups: some have static friction, or there are more than four.
 
-    For a few surfaces without static friction all modes are tried, since the fields need not be those of friction.
+    For fewer surfaces without static friction all modes are tried, since the fields need not be those of friction.
     """
-    return len(active) > EXHAUSTIVE or any(map(system.held_inside, active))
+    return len(active) > 4 or any(map(system.held_inside, active))
 
 
 def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:

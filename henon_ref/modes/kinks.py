@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from typing import Any, TypeVar
@@ -22,63 +22,62 @@ TransitionT = TypeVar("TransitionT", bound=Any)
 """Dataclass with ``surface``, ``from_mode`` and ``to_mode``."""
 
 
-@dataclass(frozen=True)
-class HiddenKinks:
-    """Kinks of a system that a mode does not use, since another branch is in force; their signs have no meaning."""
+def hidden(system: FilippovSystem, index: int, mode: Mode) -> bool:
+    """Check whether a surface is a kink that a mode does not use, since another branch is in force.
 
-    system: FilippovSystem
-
-    def hidden(self, index: int, mode: Mode) -> bool:
-        """Check whether a surface is a kink that a mode does not use."""
-        own = mode[: len(self.system.signs)]  # the sections that a sweep adds follow the system's own surfaces
-        return index in self.system.kinks and self.system.hides(index, own)
-
-    def shown(self, mode: Mode) -> Mode:
-        """Return the mode with +1 for its hidden kinks, so that it is one mode whatever their signs."""
-        if not self.system.kinks:
-            return mode
-        return _shown(self, mode)
-
-    def is_transition(self, surface: int, before: Mode, after: Mode) -> bool:
-        """Check whether an event on a surface between two modes is a transition: the surface is not a hidden kink."""
-        if surface not in self.system.kinks:
-            return True
-        if before[surface] == after[surface]:  # a graze
-            return not self.hidden(surface, before)
-        return self.shown(before)[surface] != self.shown(after)[surface]
-
-    def are_transitions(self, records: NDArray[Any], modes: tuple[Mode, ...]) -> NDArray[np.bool_]:
-        """Apply :meth:`is_transition` to records with the fields ``surface``, ``from_mode`` and ``to_mode``."""
-        if not (self.system.kinks and len(records)):
-            return np.ones(len(records), dtype=bool)
-        hidden, entries = _table(self, modes)
-        before, after = ((records[name], records["surface"]) for name in ("from_mode", "to_mode"))
-        graze, found = entries[before] == entries[after], np.where(hidden, 1, entries)
-        return np.where(graze, ~hidden[before], found[before] != found[after])
+    The sign of a hidden kink has no meaning. ``mode``: may have more entries than the system has surfaces, those of the
+    sections that a sweep adds.
+    """
+    return index in system.kinks and system.hides(index, mode[: len(system.signs)])
 
 
-@lru_cache(maxsize=64)
-def _table(kinks: HiddenKinks, modes: tuple[Mode, ...]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Return whether a surface is hidden, and its entry, by mode and surface."""
-    hidden = [[kinks.hidden(i, mode) for i in range(len(mode))] for mode in modes]
-    return np.array(hidden, dtype=bool), np.array(modes, dtype=np.int64)
+def shown_mode(system: FilippovSystem, mode: Mode) -> Mode:
+    """Return the mode with +1 for its hidden kinks, so that it is one mode whatever their signs."""
+    return _shown(system, mode) if system.kinks else mode
 
 
 @lru_cache(maxsize=1024)
-def _shown(kinks: HiddenKinks, mode: Mode) -> Mode:
-    return tuple(1 if kinks.hidden(i, mode) else entry for i, entry in enumerate(mode))
+def _shown(system: FilippovSystem, mode: Mode) -> Mode:
+    return tuple(1 if hidden(system, i, mode) else entry for i, entry in enumerate(mode))
 
 
 def visible(system: FilippovSystem, transitions: Sequence[TransitionT]) -> Sequence[TransitionT]:
-    """Return the transitions that are not on hidden kinks, with modes as :meth:`HiddenKinks.shown` returns them."""
+    """Return the transitions that are not on hidden kinks, with modes as :func:`shown_mode` returns them."""
     if not system.kinks:
         return transitions
-    kinks = HiddenKinks(system)
     return tuple(
-        replace(t, from_mode=kinks.shown(t.from_mode), to_mode=kinks.shown(t.to_mode))
+        replace(t, from_mode=shown_mode(system, t.from_mode), to_mode=shown_mode(system, t.to_mode))
         for t in transitions
-        if kinks.is_transition(t.surface, t.from_mode, t.to_mode)
+        if _is_transition(system, t.surface, t.from_mode, t.to_mode)
     )
+
+
+def _is_transition(system: FilippovSystem, surface: int, before: Mode, after: Mode) -> bool:
+    if surface not in system.kinks:
+        return True
+    if before[surface] == after[surface]:  # a graze
+        return not hidden(system, surface, before)
+    return shown_mode(system, before)[surface] != shown_mode(system, after)[surface]
+
+
+def are_visible(system: FilippovSystem, records: NDArray[Any], modes: tuple[Mode, ...]) -> NDArray[np.bool_]:
+    """Return which records are of :func:`visible` transitions.
+
+    Their fields ``from_mode`` and ``to_mode`` are indices of ``modes``.
+    """
+    if not (system.kinks and len(records)):
+        return np.ones(len(records), dtype=bool)
+    unseen, entries = _table(system, modes)
+    before, after = ((records[name], records["surface"]) for name in ("from_mode", "to_mode"))
+    graze, found = entries[before] == entries[after], np.where(unseen, 1, entries)
+    return np.where(graze, ~unseen[before], found[before] != found[after])
+
+
+@lru_cache(maxsize=64)
+def _table(system: FilippovSystem, modes: tuple[Mode, ...]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Return whether a surface is hidden, and its entry, by mode and surface."""
+    unseen = [[hidden(system, i, mode) for i in range(len(mode))] for mode in modes]
+    return np.array(unseen, dtype=bool), np.array(modes, dtype=np.int64)
 
 
 def continuous(system: FilippovSystem) -> frozenset[int]:

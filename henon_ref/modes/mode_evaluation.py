@@ -12,14 +12,15 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import sympy as sp
-from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import BALLS, DOUBLES, NO_VALUE, ORDER, RING, Arithmetic, Leading
+from henon_ref.modes.arithmetic import DOUBLES, ORDER, Arithmetic, Leading
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.series import expand
@@ -40,23 +41,9 @@ def guards_and_tape(system: FilippovSystem, mode: Mode) -> GuardsAndTape | None:
     return equations.guards, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
 
 
-def ball_function(tape: Tape, constants: Sequence[arb]) -> Callable[..., list[arb]]:
-    """Return (t, *x) -> values of a tape's outputs."""
-
-    def values(t: arb, *x: arb | int) -> list[arb]:
-        return [series[0] for series in expand(tape, constants, t, [arb(v) for v in x], 0, RING)[1]]
-
-    return values
-
-
 def in_doubles(system: FilippovSystem) -> ModeEvaluation:
     """Return the evaluation of a system's modes in double precision."""
     return ModeEvaluation(system, DOUBLES)
-
-
-def in_balls(system: FilippovSystem) -> ModeEvaluation:
-    """Return the evaluation of a system's modes in balls of the working precision."""
-    return ModeEvaluation(system, BALLS)
 
 
 @lru_cache(maxsize=1024)
@@ -81,8 +68,8 @@ def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
 class ModeEvaluation:
     """Evaluation of the modes of one system in one arithmetic.
 
-    Constants are computed from the system's exact numbers; a subclass may compute the results of
-    :meth:`guards_and_tape`, :meth:`constants` and :meth:`function` in another way.
+    Constants are the doubles of the system's exact numbers; a subclass may compute the results of
+    :meth:`guards_and_tape`, :meth:`constants` and :meth:`function` in another way, or in another arithmetic.
     """
 
     def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
@@ -94,13 +81,10 @@ class ModeEvaluation:
 
     def constants(self, tape: Tape) -> list[Any]:
         """Return the constants of a tape."""
-        return [self.arithmetic.number(self.system.numeric(c)) for c in tape.constants]
+        return [float(self.system.numeric(c)) for c in tape.constants]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
-        """Return (t, *names) -> values of expressions, which raises :data:`NO_VALUE` if one has none."""
-        if self.arithmetic is BALLS:
-            tape = build_tape(tuple(names), (), tuple(expressions))
-            return ball_function(tape, self.constants(tape))
+        """Return (t, *names) -> values of expressions, which raises ``ARITHMETIC`` if one has none."""
         values, names = [self.system.numeric(e) for e in expressions], [TIME, *names]
         # The time of lambdify grows with the number of its arguments.
         used = set().union(*(value.free_symbols for value in values))
@@ -112,8 +96,9 @@ class ModeEvaluation:
         """Return a point; ``levels``: see :attr:`Doubles.levels`."""
         return TapePoint(self, t, x, self.arithmetic.levels if levels is None else levels)
 
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> TapePoint:
-        return self.at(self.arithmetic.number(start), [self.arithmetic.number(v) for v in initial])
+    def at_start(self, problem: Problem) -> TapePoint:
+        """Return the start of a problem, in doubles."""
+        return self.at(float(problem.start), [float(v) for v in problem.initial])
 
     @cached_method
     def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
@@ -174,7 +159,7 @@ class ModeEvaluation:
             return self.of_states_and_signs((normal_in(self.system, index, entries),))
 
     def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> list[list[Any]]:
-        """Return the Taylor coefficients in time of a mode's guards; raises :data:`NO_VALUE` if there are none."""
+        """Return the Taylor coefficients in time of a mode's guards; raises ``ARITHMETIC`` if there are none."""
         return self.at(t, x).series(mode)[0]
 
 
@@ -230,14 +215,14 @@ class TapePoint:
     def _size(self, mode: Mode, index: int) -> float:
         try:
             below, above = self.sides(mode, index)
-        except NO_VALUE:
+        except ARITHMETIC:
             return 0.0
         return float(abs(below) + abs(above))
 
     def values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> Sequence[Any] | None:
         try:
             values = self._modes.of_states_and_signs(expressions)(self._t, *self._x, *signs)
-        except NO_VALUE:
+        except ARITHMETIC:
             return None
         return values if all(isfinite(float(value)) for value in values) else None
 

@@ -53,10 +53,7 @@ def with_rational_exponents(system: FilippovSystem) -> FilippovSystem:
 
 def parameters_in_exponents(system: FilippovSystem) -> set[sp.Symbol]:
     """Return the parameters whose values :func:`with_rational_exponents` uses: other values give another system."""
-    expressions = [*system.surfaces, *system.field, *system.valid]
-    for override in system.overrides.values():
-        expressions += [*override.field, *(r.when for r in override.release)]
-    exponents = (power.exp for e in set(expressions) for power in e.atoms(sp.Pow))
+    exponents = (power.exp for e in set(system.expressions) for power in e.atoms(sp.Pow))
     return {symbol for exponent in exponents for symbol in exponent.free_symbols} & set(system.parameters)
 
 

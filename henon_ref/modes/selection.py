@@ -23,11 +23,10 @@ from functools import partial
 from itertools import product
 from typing import Any
 
-import sympy as sp
-
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.arithmetic import NO_VALUE, ZERO, Evaluation, Point
+from henon_ref.modes.arithmetic import ZERO, Point
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.contact_loops import relations
 from henon_ref.modes.decision import Decision, ended, explained, several, with_entries
 from henon_ref.modes.equations import Guard
@@ -42,15 +41,16 @@ from henon_ref.modes.held_groups import (
     slipped_by,
 )
 from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, into_surface
-from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
 
-def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr]) -> tuple[list[int], list[int]]:
-    """Return the signs of the surfaces and of the ``valid`` expressions at a point given by exact numbers."""
-    at = {TIME: start, **dict(zip(system.states, initial, strict=True))}
+def initial_signs(problem: Problem) -> tuple[list[int], list[int]]:
+    """Return the signs of the surfaces and of the ``valid`` expressions at a problem's start."""
+    system = problem.system
+    at = {TIME: problem.start, **dict(zip(system.states, problem.initial, strict=True))}
     surfaces, valid = (
         [exact_sign(system.numeric(e).xreplace(at)) for e in expressions]
         for expressions in (system.surfaces, system.valid)
@@ -58,11 +58,9 @@ def signs_at(system: FilippovSystem, start: sp.Expr, initial: Sequence[sp.Expr])
     return surfaces, valid
 
 
-def initial_mode(
-    modes: Evaluation, start: sp.Expr, initial: Sequence[sp.Expr], given: Mapping[int, int] | None = None
-) -> Decision:
-    """Decide the mode at the start from exact numbers; ``given``: prescribed entries of surfaces on which it lies."""
-    return mode_by_signs(modes.exactly(start, initial), *signs_at(modes.system, start, initial), given or {})
+def initial_mode(at: Point, problem: Problem) -> Decision:
+    """Decide the mode at a problem's start, which is the point ``at``."""
+    return mode_by_signs(at, *initial_signs(problem), problem.initial_mode)
 
 
 def mode_by_signs(
@@ -101,7 +99,7 @@ def _rising(at: Point, mode: Mode, edges: Sequence[int], where: str) -> Decision
     system = at.system
     try:
         orders = contact_orders(at, mode, (), edges)
-    except NO_VALUE:
+    except ARITHMETIC:
         return Decision("none", None, f"a derivative is not finite {where}, where a valid expression is 0")
     for i, order in enumerate(orders[-len(system.valid) :]):  # their guards come last
         if i in edges and not order:
@@ -164,7 +162,7 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
                 number = at.first_order(mode)[place][1]
         if number > 1e-3 * size > 0:  # a part of the jump of the surface's rate between its sides
             return first
-    except NO_VALUE:
+    except ARITHMETIC:
         pass
     term = at.leading(mode, place, first, at.levels[0], guard.index)
     return first if term is None else term[0]
@@ -294,7 +292,7 @@ def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *
                 broken += [(guard, IDENTICALLY_ZERO)] if first else []
             elif term[1] < 0:
                 broken.append((guard, order_of(system, guard, term[0])))
-    except NO_VALUE:
+    except ARITHMETIC:
         return None
     return broken
 
@@ -306,7 +304,7 @@ def _let_go(at: Point, mode: Mode, place: int, guard: Guard, zero: float) -> int
         return term[0] if term is not None and term[1] < 0 else None
     try:
         ways = [speed * guard.to_sign > 0 for speed in at.sides(mode, guard.index)]
-    except NO_VALUE:
+    except ARITHMETIC:
         return None
     return 0 if all(ways) else None
 
@@ -334,7 +332,7 @@ def _rests(at: Point, mode: Mode, index: int, zero: float) -> bool:
             return False
         own = next(k for k, g in enumerate(guards) if g.kind == "surface" and g.index == index)
         term = at.leading(free, own, 1, zero)
-    except NO_VALUE:
+    except ARITHMETIC:
         return False
     return term is None or (term[0] > 1 and term[1] < 0)
 

@@ -37,7 +37,7 @@ from henon_ref.expressions.algebra import (
 from henon_ref.expressions.bounds import put
 from henon_ref.expressions.traversal import size, total_size
 from henon_ref.modes.equations import Guard, Refusal, along
-from henon_ref.modes.linear_system import determinant, solution, surfaces_solved
+from henon_ref.modes.linear_system import Matrix, determinant, solution, surfaces_solved
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.text import listed
 
@@ -106,9 +106,6 @@ def filippov_sliding(
     return tuple(result), tuple(guards), {i: equivalent[s] for i, s in zip(sliding, signs, strict=True)}
 
 
-Matrix = list[list[sp.Expr]]
-
-
 def _normal_velocities(
     system: SwitchedField, sliding: tuple[int, ...], rhs: Sequence[sp.Expr], on_surface: Mapping[sp.Symbol, sp.Expr]
 ) -> tuple[Matrix, list[sp.Expr], list[sp.Expr]]:
@@ -116,7 +113,7 @@ def _normal_velocities(
     signs = tuple(system.signs[i] for i in sliding)
     normal = [expanded(put(along(system.surfaces[i], system.states, tuple(rhs)), on_surface)) for i in sliding]
     _small(normal, signs)
-    slope: Matrix = []
+    slope: list[list[sp.Expr]] = []
     for n in normal:
         row = coefficients(n, signs)
         if row is None and size(n, MAX_DERIVED) <= MAX_DERIVED:

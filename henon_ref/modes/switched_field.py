@@ -97,6 +97,14 @@ class SwitchedField:
     def state_names(self) -> tuple[str, ...]:
         return tuple(symbol.name for symbol in self.states)
 
+    @property
+    def expressions(self) -> list[sp.Expr]:
+        """All expressions of the system: surfaces, rates, ``valid``, and those of overrides and resets."""
+        found = [*self.surfaces, *self.field, *self.valid]
+        for override in self.overrides.values():
+            found += [*override.field, *(end.when for end in override.release)]
+        return found + [value for reset in self.resets.values() for value in reset.map.values()]
+
     @cached_property
     def places(self) -> dict[sp.Symbol, int]:
         """State -> its index."""
@@ -106,9 +114,13 @@ class SwitchedField:
         """The expression with every parameter replaced by its exact number."""
         return expression.xreplace(dict(self.parameters)) if self.parameters else expression
 
+    def entries(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
+        """Sign of each surface -> its entry in a mode."""
+        return {sign: sp.Integer(entry) for sign, entry in zip(self.signs, mode, strict=True)}
+
     def slip_signs(self, mode: Mode) -> dict[sp.Symbol, sp.Expr]:
-        """Signs of the surfaces in slip, as a substitution."""
-        return {self.signs[i]: sp.Integer(s) for i, s in enumerate(mode) if s}
+        """Sign of each surface in slip -> its entry in a mode."""
+        return {self.signs[i]: sp.Integer(entry) for i, entry in enumerate(mode) if entry}
 
     @cached_method
     def normal_velocity(self, index: int) -> sp.Expr:

@@ -89,7 +89,7 @@ class FilippovSystem(SwitchedField):
         if not mode[index]:
             return False
         if self.switched is not None:
-            return self._hides_in_all(index, tuple(mode[i] for i in sorted(self.switched.crossed)))
+            return self._hides_in_all(index, self.switched.sides(mode))
         sliding = frozenset(i for i, s in enumerate(mode) if s == 0)
         if not self.can_slide(sliding):
             return False
@@ -105,7 +105,7 @@ class FilippovSystem(SwitchedField):
         assert made is not None
         if index not in made.crossed:
             return False
-        slip = {self.signs[i]: sp.Integer(s) for i, s in zip(sorted(made.crossed), sides, strict=True) if i != index}
+        slip = {s: side for s, side in made.beside(sides).items() if s != self.signs[index]}
         guards = [e for k, e in enumerate(made.outputs) if k // 2 != index]
         written = (*made.field, *(e for _, e in made.definitions), *guards, *self.sections)
         return not any(put(e, slip).has(self.signs[index]) for e in written)

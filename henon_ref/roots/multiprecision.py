@@ -29,14 +29,8 @@ CLEARANCE = 4
 """Largest size of a piece that is a touch, in units of :data:`ZERO`."""
 SAME_PLACE = 2 ** (BITS - 160)
 """Distance up to which two positions are equal: 1e-48 of the step."""
-SAME_MINIMUM = int(ONE * 1e-10)
-"""Distance up to which two minima are equal."""
 FLAT_RANGE = int(ONE * 1e-6)
 """Largest distance of a nearly zero position from a zero of the slope."""
-POINT = ONE >> 200
-"""Width of a piece that counts as a point."""
-NEGLIGIBLE = ZERO >> 20
-"""Largest coefficient that is dropped."""
 CUT_LEAST = 2.0**-20
 """Least distance of the cuts from a minimum, as a part of its piece."""
 SMALL = ONE >> 40
@@ -72,7 +66,7 @@ def first_event_of(q: Fixed, zeros: int, suspect: int) -> tuple[What, bool, int]
     if outcome == "touch":
         touched = bottom if bottom is not None and low <= bottom <= high else _minimum(whole, middle)
         touched = middle if touched is None else touched
-        if bottom is None or touched <= bottom + SAME_MINIMUM:
+        if bottom is None or touched <= bottom + int(ONE * 1e-10):  # the same minimum
             return "touch", True, _flat_root(whole, touched, 0, exact=True)
     if outcome != "root" or (bottom is not None and low > bottom):  # the minimum is the first event
         return "miss", bottom is not None, suspect if bottom is None else bottom
@@ -154,7 +148,7 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
             b = bernstein(piece)
             signs = signs_of(b)
             changes = sum(x != y for x, y in pairwise(signs))
-            if max(map(abs, b)) <= CLEARANCE * ZERO or high - low <= POINT:
+            if max(map(abs, b)) <= CLEARANCE * ZERO or high - low <= ONE >> 200:  # nearly zero, or a point
                 return "touch", low, high
             if before and abs(b[0]) <= ZERO:  # zero at the cut: the values after it decide
                 if changes == 0:
@@ -180,7 +174,7 @@ def _piece(whole: arb_poly, low: int, high: int) -> list[int]:
     """Return the coefficients on [low, high] in a variable from 0 to 1, without negligible last coefficients."""
     series = whole(arb_poly([arb(low) / ONE, arb(high - low) / ONE])).coeffs()
     found = [fixed_point(c) for c in series] or [0]
-    while len(found) > 1 and abs(found[-1]) <= NEGLIGIBLE:
+    while len(found) > 1 and abs(found[-1]) <= ZERO >> 20:
         found.pop()
     return found
 

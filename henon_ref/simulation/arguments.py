@@ -64,7 +64,7 @@ def problem_of(
     The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid.
     """
     initial, until, start, mode = start_of(system, initial, until, start, mode)
-    if parameters:
+    if parameters is not None:
         system = system.with_parameters(parameters)
     given = _mapping(initial, "'initial'", "state", system.state)
     entry = _mapping({} if mode is None else mode, "'mode'", "surface", system.model.sign_names)
@@ -79,12 +79,12 @@ def problem_of(
         raise argument_error(error) from None
 
 
-def _mapping(value: object, what: str, kind: str, known: tuple[str, ...]) -> MappingNode:
+def _mapping(value: object, what: str, kind: str, known: tuple[str, ...], entry: object = 0) -> MappingNode:
     """Return a mapping as a tree node; ArgumentError if a name is not known."""
-    node = tree_of(value, what)
+    node = tree_of(value, what) if isinstance(value, Mapping) else None
     if not isinstance(node, MappingNode):
         others = ", or an array with a value for each state" if kind == "state" else ""
-        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0] if known else 's'!r}: 0}}{others}")
+        raise ArgumentError(f"{what} must be a mapping, as in {{{known[0] if known else 's'!r}: {entry!r}}}{others}")
     for name in node.entries:
         if name not in known:
             raise ArgumentError(f"'{name[:60]}' is no {kind}{did_you_mean(name, known)}; {kind}s: {listed(known)}")
@@ -113,7 +113,7 @@ def whole_number(value: Any, what: str, least: int = 1, most: int | None = None)
 def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
     """Return the surfaces that end a run, as bit masks by index: those reached from above, and from below."""
     names = system.model.sign_names
-    _mapping(stop, "'stop'", "surface", names)
+    _mapping(stop, "'stop'", "surface", names, "falling")
     bits = {"falling": 0, "rising": 0}
     for name, direction in stop.items():
         index = names.index(written_name(name, "'stop'"))

@@ -10,10 +10,9 @@ from threading import Lock
 from typing import Any
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.integrator import Integrator, local_error, order_for
+from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT, Integrator, Start, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
-from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT, Start
 from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.arguments import problem_of, start_of, stop_of, tolerance_of, whole_number
@@ -70,7 +69,7 @@ def launch(
     tolerance = rtol if type(rtol) is float else tolerance_of(rtol)
     quick: QuickStart | None = system.prepared.get(tolerance)
     begin = None if quick is None else quick(initial, until, start, parameters, mode)
-    stopping = stop_of(system, stop) if stop else (0, 0)
+    stopping = (0, 0) if stop is None else stop_of(system, stop)
     if begin is not None and quick is not None:
         integrator = quick.integrator
     else:  # errors are reported before anything is compiled
@@ -109,11 +108,7 @@ def ended(trajectory: Trajectory, begin: Start, system: System, stop: Mapping[An
         if (last.time, last.time_low) != begin.until and last.time == trajectory.end_time:
             name = system.model.sign_names[last.surface]
             trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
-    if system.model.kinks:
-        from henon_ref.modes.kinks import HiddenKinks
-
-        trajectory = shown(trajectory, HiddenKinks(system.model))
-    return trajectory
+    return shown(trajectory, system.model if system.model.kinks else None)
 
 
 class Outcome:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from graphlib import TopologicalSorter
 from itertools import chain
@@ -23,9 +24,8 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.constants import ModeConstants
-from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.pairs import Pair, decimal_pair, exact_expression, exact_number, pairs_of
-from henon_ref.integrator.start import Start, begin, run_template
+from henon_ref.integrator.integrator import Integrator, Start, run_template
+from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pairs_of
 from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
@@ -128,9 +128,7 @@ class QuickStart:
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(numbers[1:]):
             return None
         exact = lambda: list(map(exact_number, point))  # noqa: E731
-        workspace = self.integrator.workspace()
-        found = begin(workspace, constants, self._template, numbers, exact, given)
-        self.integrator.free.append(workspace)
+        found = self.integrator.begin_at(constants, self._template, numbers, exact, given)
         wrong = found.refused is not None and (given or found.refused.status == "failed")
         return None if wrong else found  # the reader reports the error
 
@@ -148,7 +146,7 @@ class QuickStart:
         """
         if not parameters:
             return self._constants((), ())
-        given = pairs_of(parameters.values(), decimal_pair)
+        given = None if Fraction in map(type, parameters.values()) else pairs_of(parameters.values())
         return None if given is None else self._constants(tuple(parameters), given)
 
     def _made(self, names: tuple[str, ...], given: tuple[Pair, ...]) -> ModeConstants | None:

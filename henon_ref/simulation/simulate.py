@@ -11,8 +11,8 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import MOST_STEPS
 from henon_ref.simulation.calls import explained
 from henon_ref.simulation.launch import Outcome, ended, launch
 from henon_ref.simulation.solution import Solution
@@ -54,7 +54,8 @@ def simulate(
     dense_output : bool
         Keep the polynomials of the steps; memory grows with the number of steps.
     stop : mapping, optional
-        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero.
+        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero. A graze
+        does not end it.
     max_steps : int
         Number of steps after which the run ends with status ``failed``.
 
@@ -123,13 +124,12 @@ def stream(
     integrator, begin = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
 
     def rows() -> Generator[Any, None, Outcome]:
-        from henon_ref.modes.kinks import HiddenKinks
         from henon_ref.simulation.tables import rows_of
 
         model = system.model
-        run, named, kinks = Run(integrator, begin), rows_of(model), HiddenKinks(model)
+        run, named = Run(integrator, begin), rows_of(model)
         for block in run.stream():
-            yield from named(block.visible(kinks) if model.kinks else block)
+            yield from named(block.visible(model) if model.kinks else block)
         assert run.ended is not None
         return Outcome(system, parameters, ended(run.ended, begin, system, stop)._replace(transitions=()))
 

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.records import RESET, TRANSITION_PLACES
+from henon_ref.integrator.records import TRANSITION_PLACES
 from henon_ref.integrator.run_result import TransitionArray
+from henon_ref.kernel.shared import kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.launch import Outcome
@@ -83,7 +84,7 @@ class Solution(Outcome):
         if self.sol is not None:
             begin, values = self.sol.begin, self.sol.coefficients[:, :, 0]
             at = np.maximum(np.searchsorted(begin, times), 1)  # the start precedes a transition at the same time
-            jumps = changes["kind"] == RESET
+            jumps = changes["kind"] == kernel.RESET
             states = states.copy()
             states[jumps] = self.sol.before(times[jumps]).T
             # Of several maps at one instant each starts from the result of the previous map.
@@ -309,7 +310,7 @@ class Solution(Outcome):
     def motion(self, count: int, more: ArrayLike = ()) -> Motion:
         """Return states and modes at equidistant times, at each transition, and just before each jump, for drawing."""
         changes = self._changes["time"]
-        jumps = np.nextafter(changes[self._changes["kind"] == RESET], -np.inf)
+        jumps = np.nextafter(changes[self._changes["kind"] == kernel.RESET], -np.inf)
         grid = np.linspace(self.start_time, self.trajectory.end_time, count)
         return self.motion_at(np.unique(np.concatenate([grid, changes, jumps, more])))
 

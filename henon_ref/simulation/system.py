@@ -231,14 +231,16 @@ class System:
         HenonRefError
             If a name is not a parameter, or the system does not allow a value.
         """
-        given = tree_of(parameters, "'parameters'")
+        given = tree_of(parameters, "'parameters'") if isinstance(parameters, Mapping) else None
         if not isinstance(given, MappingNode):
             raise ArgumentError("'parameters' must be a mapping, as in {name: value}")
         known = list(self._names.values)
-        for name in given.entries:
+        for name, value in given.entries.items():
             if name not in known:
                 what = f"'{name[:60]}' is no parameter{did_you_mean(name, known)}"
                 raise ArgumentError(f"{what}; parameters: {listed(known)}")
+            if isinstance(value, ScalarNode) and value.value is None:  # null would remove it
+                raise ArgumentError(f"'{name}' in 'parameters' is None; wanted a number or an expression (text)")
         key = "system" if "system" in self.tree.entries else "scene"
         other = System.__new__(System)
         other._read(merged(self.tree, mapping({key: mapping({"parameters": given})})))

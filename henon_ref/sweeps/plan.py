@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.integrator.start import MOST_STEPS, NO_LIMIT
+from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT
 from henon_ref.simulation.arguments import problem_of, start_of, tolerance_of, whole_number
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import POINTS, problem_at

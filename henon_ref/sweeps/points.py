@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.arguments import whole_number
+from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import MOST_NUMBERS, Vector, check_size, read_table
 from henon_ref.text import did_you_mean, listed
@@ -51,6 +52,7 @@ class Points:
         return own | {name: column[rows] for name, column in self.labels.items()}
 
 
+@explained
 def grid(axes: Mapping[str, Any]) -> Points:
     """Every combination of values; the last name changes fastest.
 
@@ -75,6 +77,7 @@ def grid(axes: Mapping[str, Any]) -> Points:
     return Points(tuple(values), _combined(values), written={"grid": written} if is_short else {})
 
 
+@explained
 def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     """Points from a table with one row for each run: a data frame, columns by name, or a CSV or Parquet file.
 
@@ -98,6 +101,7 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     return Points(tuple(columns), np.column_stack(list(columns.values())))
 
 
+@explained
 def continuation(
     along: Mapping[str, Any], axes: Mapping[str, Any] | None = None, directions: Sequence[str] = ("up", "down")
 ) -> Points:
@@ -146,6 +150,7 @@ def continuation(
     return Points((*across, name), made, len(path), labels, {"continuation": written})
 
 
+@explained
 def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str = "independent") -> Points:
     """Random values of parameters and states.
 

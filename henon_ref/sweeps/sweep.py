@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.start import MOST_STEPS
+from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
 from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System

@@ -28,7 +28,7 @@ from henon_ref.casefile.schema import (
 )
 from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError
-from henon_ref.integrator.start import MOST_STEPS
+from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observe import KINDS
 from henon_ref.sweeps.plan import RTOL, Plan, RepeatedNameError, check_after, planned

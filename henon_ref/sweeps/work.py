@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from henon_ref.expressions.algebra import signed_form
 from henon_ref.expressions.evaluation import parse_expression
-from henon_ref.integrator.integrator import Integrator, local_error
+from henon_ref.integrator.integrator import MOST_STEPS, Integrator, local_error
 from henon_ref.integrator.pairs import decimal_pairs
 from henon_ref.integrator.points import NOTHING, Keep
 from henon_ref.integrator.records import transition_dtype
-from henon_ref.integrator.start import MOST_STEPS
-from henon_ref.modes.kinks import HiddenKinks
+from henon_ref.modes.kinks import are_visible, shown_mode
 from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.simulation.launch import integrator_of
 from henon_ref.simulation.quick_start import Number, following
@@ -229,7 +228,8 @@ class Runs:
         """Return the texts of modes by index, without the sections; None for -1."""
         names = self.system.model.sign_names
         different, places = np.unique(rows, return_inverse=True)
-        modes = [None if row < 0 else self._kinks.shown(self.modes[row][: len(names)]) for row in different.tolist()]
+        whole = [None if row < 0 else self.modes[row] for row in different.tolist()]
+        modes = [mode and shown_mode(self.system.model, mode[: len(names)]) for mode in whole]
         return np.array([mode and mode_text(mode, names) for mode in modes], dtype=object)[places]
 
     def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -241,11 +241,7 @@ class Runs:
     @cached_property
     def visible(self) -> NDArray[np.bool_]:
         """For each transition, whether it is not on a kink that is hidden by another branch."""
-        return self._kinks.are_transitions(self.records, self.modes)
-
-    @cached_property
-    def _kinks(self) -> HiddenKinks:
-        return HiddenKinks(self.system.model)
+        return are_visible(self.system.model, self.records, self.modes)
 
     def point_words(self, run: int) -> str:
         """Return a text that identifies the point of a run: ``point 3 (F = 0.5)``."""

@@ -5,8 +5,8 @@ ends the worker without a reply.
 
 On Linux, the caller starts a guard process, and the worker is a fork of the guard. The worker, and after its end the
 guard, adopts orphaned descendants of the worker, even in other sessions; the guard kills them. The guard ends after its
-worker, or with the caller. Daemons of multiprocessing cannot replace this: they must not start processes, and
-processes that they start by other means outlive them.
+worker, or with the caller. Daemons of multiprocessing cannot replace this: they must not start processes, and processes
+that they start by other means outlive them. A worker without a guard ends itself and its process group with the caller.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
+from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
@@ -115,6 +116,8 @@ def work(
         signal_with_parent(signal.SIGKILL)
         if os.getppid() != guard:  # the guard ended before the request took effect
             os._exit(1)
+    else:
+        threading.Thread(target=_end_with_caller, daemon=True).start()
     try:
         _bound(log, memory)
         with suppress(BrokenPipeError, ConnectionResetError):  # the caller has closed the channel
@@ -124,6 +127,16 @@ def work(
         traceback.print_exc()
     finally:
         os._exit(1)
+
+
+def _end_with_caller() -> None:
+    """Wait for the end of the caller, and end this process and its process group."""
+    caller = parent_process()
+    assert caller is not None
+    caller.join()
+    if os.name == "posix":
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
 
 
 def _guard(worker: int, theirs: socket.socket, log: socket.socket | None) -> NoReturn:

@@ -14,6 +14,8 @@ import henon_ref as hr
 
 BELT = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.2}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
 SHAKEN = hr.System(["x", "v"], {"F": 0.1, "w": 2}, {"s": "v"}, ["v", "-x - F*s + cos(w*t)"])
+SMOOTH = hr.System(["x", "v"], field=["v", "(1 - x^2)*v - x"])
+TWO_SURFACES = hr.System(["x", "v"], {}, {"a": "v", "b": "v - 1"}, ["v", "-x - a - b"])
 
 
 @pytest.mark.parametrize("module", ["analysis.lyapunov", "analysis.periodic_orbit", "analysis.tangent"])
@@ -68,7 +70,11 @@ def test_the_multipliers_of_a_shaken_block_are_those_of_its_turns() -> None:
         (lambda: hr.lyapunov_exponents(BELT, {"x": 1, "v": 0}, span=0), "span"),
         (lambda: hr.lyapunov_exponents(BELT, {"x": 1, "v": 0}, span=1, discard=math.nan), "discard"),
         (lambda: hr.lyapunov_exponents(BELT, {"x": 1, "q": 0}, span=1), "no state"),
-        (lambda: hr.tangent_points(BELT, surface="q"), "no surface"),
+        (lambda: hr.tangent_points(BELT, surface="q"), "'q' is no surface"),
+        (lambda: hr.tangent_points(SMOOTH), "the system has no surface"),
+        (lambda: hr.tangent_points(TWO_SURFACES), "has several surfaces: name one, as in surface='a'"),
+        (lambda: hr.tangent_points(SHAKEN), "depends on t besides the coordinate x"),
+        (lambda: hr.periodic_orbit(SMOOTH, {"x": 2, "v": 0}, until=50), "add a surface that the orbit crosses, as in"),
         (lambda: hr.tangent_points(BELT, along="q"), "unknown name"),
         (lambda: hr.tangent_points(BELT, parameters={"q": 1}), "no parameter"),
         (lambda: hr.tangent_points(hr.System(["x"], {}, {"s": "x"}, ["s"])), "give the coordinate along it"),

@@ -50,5 +50,5 @@ def test_fig_8_starts_at_the_lower_tangent_point_of_eq_24() -> None:
         assert velocity == sp.Rational(2, 5)
         mu0 = problem.system.parameters[sp.Symbol("mu0", real=True)]
         assert abs(sp.N(position - position**3 + mu0, 40)) < 1e-38
-        decision = initial_mode(in_doubles(problem.system), problem.start, problem.initial, problem.initial_mode)
+        decision = initial_mode(in_doubles(problem.system).at_start(problem), problem)
         assert decision.mode == mode

@@ -15,7 +15,7 @@ from henon_ref.errors import ModelError
 from henon_ref.harness.registry import solver
 from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.jump_code import jump_code
+from henon_ref.integrator.mode_code import jump_code
 from henon_ref.integrator.points import Keep, PointRuns
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
@@ -155,7 +155,7 @@ def test_a_surface_that_goes_on_falling_is_compiled_code_s(
     below = [t for t in compiled.transitions if t.kind == "reset"]
     assert below
     assert {(t.from_mode, t.to_mode) for t in below} == {((1,), (-1,))}
-    monkeypatch.setattr("henon_ref.integrator.jump_code.jump_code", lambda _: None)
+    monkeypatch.setattr("henon_ref.integrator.mode_table.jump_code", lambda _: None)
     precise = run(problem)
     assert len(jumps_in_python) == len(below)
     assert [(t.time, t.state) for t in compiled.transitions] == [(t.time, t.state) for t in precise.transitions]
@@ -175,7 +175,7 @@ def told(found: Trajectory) -> list[tuple[Any, ...]]:
 def test_jumps_are_those_of_multiprecision(monkeypatch: pytest.MonkeyPatch, name: str, rtol: float) -> None:
     problem = load_case(SCENES / f"{name}.yaml").readings[0].problem
     compiled = run(problem, rtol)
-    monkeypatch.setattr("henon_ref.integrator.jump_code.jump_code", lambda _: None)
+    monkeypatch.setattr("henon_ref.integrator.mode_table.jump_code", lambda _: None)
     precise = run(problem, rtol)
     assert told(compiled) == told(precise)
     # What rounding does at a jump grows on the way, in no case here by more than this.

@@ -92,7 +92,7 @@ def test_a_mode_that_was_not_seen_before_is_no_affair_of_python(static: float) -
         assert found.counts.decisions == Decisions()
         seen |= {t.to_mode for t in found.transitions}
         table = integrator.mode_table
-        rows, constants = len(table.compiled.records), len(table.constants.expressions)
+        rows, constants = len(table.compiled.records), len(table.constants)
         assert (rows, len(table.modes)) == (3, 3)
         assert constants <= 3 * sum(len(tape.tape.constants) for tape in table.codes[0].tapes)
     assert len(seen) > 100

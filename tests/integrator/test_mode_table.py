@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from runs import constants_of
 
 import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
@@ -47,7 +48,7 @@ def test_a_row_is_that_of_the_mode_written_out() -> None:
                 assert (own["mode_across"][g], own["mode_stuck"][g]) == (sides[-mode[guard.index]], sides[0])
             elif mode[guard.index] == 0:
                 assert own["mode_across"][g] == sides[guard.to_sign]
-        for tape, found in zip(table.codes[row].tapes, constants.numbers[row], strict=True):
+        for tape, found in zip(table.codes[row].tapes, constants_of(constants)[row], strict=True):
             exact = [float(model.numeric(tape.constant(at, mode))) for at in range(len(tape.tape.constants))]
             assert found[: len(exact)].tolist() == exact
 

@@ -13,8 +13,8 @@ from problems import make_problem
 from runs import kinds, run
 
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
-from henon_ref.integrator.precise_modes import PreciseModes
-from henon_ref.modes.mode_evaluation import in_balls, in_doubles
+from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
+from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 from henon_ref.roots import multiprecision as isolation
@@ -40,7 +40,7 @@ def locate(
     known = (zeros, *[0] * (len(system.surfaces) - 1))
     exact = [arb(high) + arb(low) for high, low in state]
     step = UndecidedStep(mode, time, exact, [0.0] * len(exact), reach, near, 0, known)
-    return locate_event(PreciseModes(in_doubles(system), lambda: in_balls(system)), step)
+    return locate_event(PreciseModes(in_doubles(system), lambda: SharedTapes(system, ()).in_balls(())), step)
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,10 @@ from henon_ref.errors import ModelError
 from henon_ref.integrator import points
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.points import Keep, PointRuns
-from henon_ref.integrator.records import CROSSING, HENON, LANDINGS, RELEASED, STICK
+from henon_ref.integrator.records import HENON, LANDINGS
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.run_result import KINDS
+from henon_ref.kernel.shared import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory
@@ -137,7 +138,7 @@ def test_only_what_is_wanted_is_kept() -> None:
         return [(int(r["point"]), int(r["kind"]), float(r["time"])) for block in runs for r in block]
 
     everything = kept(Keep())
-    assert {kind for _, kind, _ in everything} == {CROSSING, STICK}
+    assert {kind for _, kind, _ in everything} == {kernel.CROSSING, kernel.STICK}
     assert kept(Keep(after=10.0)) == [row for row in everything if row[2] >= 10.0]
     assert kept(points.NOTHING) == []
 
@@ -158,8 +159,8 @@ def test_a_stick_that_is_open_is_kept_with_its_begin() -> None:
         for point in range(6):
             own = [row for row in everything if row[0] == point]
             late = [row for row in own if row[2] >= after]
-            if late and late[0][1] == RELEASED:
-                begin = [row for row in own if row[2] < after and row[1] == STICK]
+            if late and late[0][1] == kernel.RELEASED:
+                begin = [row for row in own if row[2] < after and row[1] == kernel.STICK]
                 late, open_ones = [*begin[-1:], *late], open_ones + bool(begin)
             assert [row for row in whole if row[0] == point] == late
     assert open_ones > 3

@@ -12,6 +12,7 @@ import pytest
 import sympy as sp
 from often import daily
 from problems import make_problem
+from runs import constants_of
 from shipped import CASES, paths, read
 
 import henon_ref as hr
@@ -19,15 +20,14 @@ from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.constants import LoopProgram, ModeConstants
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import ffi
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.selection import contact_orders, mode_by_signs, signs_at
+from henon_ref.modes.selection import contact_orders, initial_signs, mode_by_signs
 
 
 def from_doubles(problem: Problem) -> tuple[Start, Problem, Integrator]:
@@ -77,7 +77,7 @@ def test_every_case_starts_as_sympy_says(path: Path) -> None:
     fast, exact, integrator = from_doubles(read(path).readings[0].problem)
     table, t, x = integrator.mode_table, float(exact.start), list(map(float, exact.initial))
     at = in_doubles(exact.system).at(t, x)
-    surfaces, valid = signs_at(exact.system, exact.start, exact.initial)
+    surfaces, valid = initial_signs(exact)
     decision = mode_by_signs(at, surfaces, valid, exact.initial_mode)
     assert [fast.time, fast.until, *fast.x] == [double_double(v) for v in (exact.start, exact.until, *exact.initial)]
     assert (fast.refused is None) == (decision.mode is not None)
@@ -90,7 +90,7 @@ def test_every_case_starts_as_sympy_says(path: Path) -> None:
     orders = contact_orders(at, decision.mode, active) if active else []
     assert [o for o in zeros if o] == [orders[p] for p in table.places(decision.mode) if orders and orders[p]]
     numeric = exact.system.numeric
-    expected = [exact_pair(numeric(e)) for e in table.constants.expressions[: table.compiled.constants]]
+    expected = [exact_pair(numeric(e)) for e in table.constants[: table.compiled.constants]]
     fast.constants.update()
     program = integrator.programs.loop().program
     values = np.array(fast.constants.values).reshape(1, -1, 2)
@@ -123,7 +123,7 @@ def test_constants_of_a_point_are_the_same_made_at_once(name: str, monkeypatch: 
 
     for _ in range(2):
         one, other = constants(at_once=False).latest, constants(at_once=True).latest
-        assert one.numbers.tobytes() == other.numbers.tobytes()
+        assert constants_of(one).tobytes() == constants_of(other).tobytes()
         if integrator.mode_table.normals is not None:
             counts = 8 * (2 * len(integrator.mode_table.normals.tape.constants) + 1)
             pair = [bytes(ffi.buffer(data.tables.selection.constants, counts)) for data in (one, other)]
@@ -141,7 +141,7 @@ def test_a_point_whose_terms_cancel_is_not_made_at_once() -> None:
     whole, cancelled, infinite = (integrator._constants(each) for each in values)
     assert [isinstance(each.latest.memory, np.ndarray) for each in (whole, cancelled, infinite)] == [False, True, True]
     assert (cancelled.is_finite, infinite.is_finite) == (True, False)
-    assert -1e-30 in cancelled.latest.numbers
+    assert -1e-30 in constants_of(cancelled.latest)
 
 
 GOES_ON = [path for path in paths(".") if path.stem != "rig_printed"]  # whose start is nonunique

@@ -15,10 +15,9 @@ import sympy as sp
 from problems import make_problem
 
 from henon_ref.casefile.case import load_case
-from henon_ref.integrator.integrator import Integrator
+from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run, run_to_horizon
-from henon_ref.integrator.start import Start
 from henon_ref.kernel.shared import ffi, kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory

@@ -66,7 +66,7 @@ def test_the_cuts_say_what_a_linear_program_says() -> None:
         values = [float(g.expression.xreplace(at)) for g in guards]
         expected = carried(count, contacts, static, forces)
         assert (min(values) > 0) == expected, (contacts, static, forces, values)
-        mode = initial_mode(in_doubles(problem.system), problem.start, problem.initial, {}).mode
+        mode = initial_mode(in_doubles(problem.system).at_start(problem), problem).mode
         assert mode is not None
         assert (not any(mode)) == expected  # the problem of Gauss's principle says the same
         seen.add(expected)
@@ -124,12 +124,9 @@ def test_double_precision_and_multiprecision_agree_at_rest() -> None:
             {b: str(f) for b, f in zip("ab", forces, strict=True)},
             "1",
         )
-        at = problem.start, problem.initial, problem.initial_mode
+        evaluations = in_doubles(problem.system), SeriesEvaluation(problem.system, 256)
         with ctx.workprec(256):
-            one, other = (
-                initial_mode(in_doubles(problem.system), *at),
-                initial_mode(SeriesEvaluation(problem.system, 256), *at),
-            )
+            one, other = (initial_mode(modes.at_start(problem), problem) for modes in evaluations)
         assert (one.status, one.mode) == (other.status, other.mode)
         assert (one.mode == (0, 0, 0)) == carried(2, [(0, 2), (1, 2), (0, 1)], static, forces)
         statuses.add(one.status)

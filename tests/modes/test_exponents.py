@@ -6,6 +6,7 @@ import pytest
 import sympy as sp
 from runs import run
 
+import henon_ref as hr
 from henon_ref.casefile.case import Reading, parse_case
 
 SPRING = """\
@@ -59,3 +60,14 @@ def test_a_power_of_zero_is_decided_on() -> None:
     assert (at_rest.status, len(at_rest.transitions)) == ("ok", 0)
     assert [(e.time, e.kind) for e in switch.transitions] == [(1.0, "crossing")]
     assert switch.status == "ok"
+
+
+def test_a_run_has_its_own_exponent_in_a_reset_map() -> None:
+    """A changed parameter in an exponent of a map makes another system, as in a rate."""
+
+    def end(exponent: float, **changed: float) -> tuple[float, ...]:
+        maps = {"s": {"map": {"v": "(1 + v^2)^n/10"}}}
+        ball = hr.System(["x", "v"], {"n": exponent}, {"s": "x"}, ["v", "-10"], resets=maps)
+        return hr.simulate(ball, {"x": 1, "v": 0}, until=0.6, parameters=changed).trajectory.end_state
+
+    assert end(1.0) != end(0.5) == end(1.0, n=0.5)

@@ -106,10 +106,9 @@ def test_a_block_that_stops_on_another_one_at_rest_holds_until_its_load_is_stati
 def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
     problem = chain(("1.2", "1.5", "-1.6", "0", "1.4", "-1.2"), "1", "0")
     expected = (0, -1, 1, 0, -1, 0)
-    at = problem.start, problem.initial, problem.initial_mode
-    assert initial_mode(in_doubles(problem.system), *at).mode == expected
+    assert initial_mode(in_doubles(problem.system).at_start(problem), problem).mode == expected
     with ctx.workprec(256):
-        assert initial_mode(SeriesEvaluation(problem.system, 256), *at).mode == expected
+        assert initial_mode(SeriesEvaluation(problem.system, 256).at_start(problem), problem).mode == expected
 
 
 def test_friction_without_a_static_limit_on_friction_without_one_on_a_held_block() -> None:

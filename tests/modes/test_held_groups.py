@@ -47,7 +47,7 @@ def first_mode(problem: Problem) -> Mode | None:
     """The mode at the start by the multiprecision truth, whose run finds nothing else."""
     run = simulate(problem, 256)
     assert (run.status, run.events) == ("ok", []), run.reason
-    return initial_mode(SeriesEvaluation(problem.system, 256), problem.start, problem.initial, {}).mode
+    return initial_mode(SeriesEvaluation(problem.system, 256).at_start(problem), problem).mode
 
 
 SETS_OFF = stack(["2", "2/5"], ["t", "0"], ["1", "3/10"]), [sp.Integer(2)] * 2, [(1, -1)] * 2

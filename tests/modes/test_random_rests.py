@@ -98,10 +98,10 @@ def test_bodies_at_rest_start_as_gauss_principle_says(with_static: bool) -> None
         forces = generator.integers(-16, 17, count) / 8 + generator.integers(1, 63, count) / 512
         static = [limit if with_static and generator.integers(2) else None for limit in limits]
         problem = scene(contacts, stops, masses, limits, static, forces)
-        system, start = problem.system, (problem.start, problem.initial)
-        mode = initial_mode(in_doubles(system), *start).mode
+        system = problem.system
+        mode = initial_mode(in_doubles(system).at_start(problem), problem).mode
         assert mode is not None
-        assert initial_mode(SeriesEvaluation(system, 256), *start, {}).mode == mode
+        assert initial_mode(SeriesEvaluation(system, 256).at_start(problem), problem).mode == mode
         at = {TIME: 0} | dict.fromkeys(system.states, 0)
         rates = [float(rate.xreplace(at)) for rate in system.equations(mode).field[1::2]]
         expected = accelerations(contacts, stops, masses, limits, forces)[:count]
@@ -147,8 +147,9 @@ def test_groups_at_rest_start_by_their_static_friction(seed: int) -> None:
         problem = scene(contacts, stops, masses, kinetic, limits, forces, drives)
         given = {"stops": stops, "masses": masses, "forces": forces, "drives": drives}
         expected, slipped = with_static_friction(contacts, static, kinetic, **given)
-        system, start = problem.system, (problem.start, problem.initial, {})
-        decisions = [initial_mode(in_doubles(system), *start), initial_mode(SeriesEvaluation(system, 256), *start)]
+        system = problem.system
+        evaluations = in_doubles(system), SeriesEvaluation(system, 256)
+        decisions = [initial_mode(modes.at_start(problem), problem) for modes in evaluations]
         assert decisions[0].mode is not None, decisions[0].reason
         assert decisions[1].mode == decisions[0].mode
         at = {TIME: 0} | dict.fromkeys(system.states, 0)

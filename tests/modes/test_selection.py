@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -27,7 +28,7 @@ X, S = sp.symbols("x s", real=True)
 
 def decide(field: list[str], initial: list[str | int], states: str = "x", surfaces: dict[str, str] | None = None):
     problem = make_problem(states, field, surfaces or {"s": "x"}, initial, 1)
-    return initial_mode(in_doubles(problem.system), problem.start, problem.initial, problem.initial_mode)
+    return initial_mode(in_doubles(problem.system).at_start(problem), problem)
 
 
 def test_attracting_repelling_and_crossing() -> None:
@@ -85,9 +86,10 @@ def test_many_contacts_at_rest_are_searched_not_enumerated() -> None:
 
 def test_a_given_mode_settles_an_open_start_and_a_wrong_one_is_refused() -> None:
     problem = make_problem("x", ["s"], {"s": "x"}, [0], 1)
-    modes = in_doubles(problem.system)
-    assert initial_mode(modes, problem.start, problem.initial, {0: 1}).mode == (1,)
-    assert initial_mode(modes, problem.start, (sp.Integer(2),), {0: -1}).status == "invalid"
+    given = replace(problem, initial_mode={0: 1})
+    wrong = replace(problem, initial=(sp.Integer(2),), initial_mode={0: -1})
+    right, refused = (initial_mode(in_doubles(own.system).at_start(own), own) for own in (given, wrong))
+    assert (right.mode, refused.status) == ((1,), "invalid")
 
 
 def test_contact_orders_count_the_zeros_of_h() -> None:

@@ -111,10 +111,9 @@ def test_the_proof_does(made) -> None:  # type: ignore[no-untyped-def]
 )
 def test_a_start_on_the_belt_is_held_up_to_the_limit(x: str, mode: Mode) -> None:
     problem = start(x, VB, "1e-5")
-    at = problem.start, problem.initial, problem.initial_mode
-    assert initial_mode(in_doubles(problem.system), *at).mode == mode
+    assert initial_mode(in_doubles(problem.system).at_start(problem), problem).mode == mode
     with ctx.workprec(256):
-        assert initial_mode(SeriesEvaluation(problem.system, 256), *at).mode == mode
+        assert initial_mode(SeriesEvaluation(problem.system, 256).at_start(problem), problem).mode == mode
     proof = certify(problem)
     assert (proof.status, proof.mode) == ("certified", mode)
     run = solver("henon").prepare(problem, rtol=1e-12)()

@@ -47,7 +47,7 @@ def test_runs_load_nothing_that_they_do_not_need() -> None:
 
 SELDOM = (
     "henon_ref.taylor.llvm", "henon_ref.integrator.multiprecision_event", "henon_ref.integrator.precise_modes",
-    "henon_ref.integrator.jump_code", "henon_ref.integrator.mode_changes",
+    "henon_ref.integrator.mode_changes",
     "henon_ref.integrator.endings", "henon_ref.modes.selection",
     "henon_ref.modes.held_groups", "henon_ref.modes.contact_problem", "henon_ref.modes.decoupled_contacts",
     "henon_ref.modes.coupled_contacts", "henon_ref.modes.held_contacts", "henon_ref.jit.ir_writer",

@@ -10,6 +10,7 @@ from inspect import signature
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import sympy as sp
 from scipy.integrate import solve_ivp
@@ -151,6 +152,8 @@ def test_sliding_of_ones_own_is_kept() -> None:
     assert run.sticks.duration_s.tolist() == pytest.approx([2.0, 2.0], rel=1e-11)  # 2 (Fs - Fk) / vb
 
 
+EULER = hr.System(["x", "v"], {"e": 0.5}, {"s": "v"}, ["v", "-e*s"])
+"""Without its parameter e, e would be Euler's number."""
 REFUSED = {
     "nan": {"initial": {"x": math.nan, "v": 0}},
     "infinity": {"initial": {"x": 0, "v": np.inf}},
@@ -164,6 +167,7 @@ REFUSED = {
     "an unknown parameter": {"parameters": {"G": 1}},
     "a parameter that is nan": {"parameters": {"F": math.nan}},
     "parameters that are a number": {"parameters": 3},
+    "a parameter that is None": {"system": EULER, "parameters": {"e": None}},
     "a mode of an unknown surface": {"mode": {"q": 1}},
     "a mode that is none": {"mode": {"s": 2}},
     "a mode on the other side": {"mode": {"s": -1}},
@@ -187,6 +191,13 @@ REFUSED = {
     "a giant tolerance": {"rtol": 10**400},
     "no system": {"system": "belt"},
 }
+
+
+@pytest.mark.parametrize("argument", ["initial", "parameters", "mode", "stop"])
+def test_a_series_is_refused_as_no_mapping(argument: str) -> None:
+    given = {"initial": {"x": 0, "v": 1}, argument: pd.Series({"x": 0.0, "v": 1.0})}
+    with pytest.raises(hr.ArgumentError, match=f"'{argument}' must be a mapping, as in "):
+        hr.simulate(BLOCK, given.pop("initial"), until=3, **given)
 
 
 @pytest.mark.parametrize("front", [hr.simulate, hr.stream])
@@ -216,6 +227,11 @@ def test_what_cannot_be_meant_is_refused_at_once(what: str, front: object) -> No
         (lambda: hr.Scene().friction("a", "b", law="coulomb", force=1, statc=2), "did you mean 'static'?"),
         (lambda: hr.Scene().plot(axis=1), "Scene.plot has no argument 'axis'"),
         (lambda: hr.observe.sticks(afer=3), "sticks has no argument 'afer'; did you mean 'after'?"),
+        (lambda: hr.points.continuation({"F": [1]}, grid={}), "continuation has no argument 'grid'; it takes along, a"),
+        (lambda: hr.points.random({}, seed=1), "random() missing 1 required keyword-only argument: 'count'"),
+        (lambda: hr.lyapunov_exponents(BLOCK, [0, 1], spn=3), "did you mean 'span'?"),
+        (lambda: hr.periodic_orbit(BLOCK, [0, 1], untl=3), "did you mean 'until'?"),
+        (lambda: hr.tangent_points(BLOCK, surfce="s"), "did you mean 'surface'?"),
         (lambda: hr.simulate(BLOCK, [0, 1], until=1).plot(transition=True), "plot has no argument 'transition'; did"),
         (lambda: hr.simulate(BLOCK, [0, 1], until=1).plot(colour="red"), "did you mean 'color'?; it takes x, y, ax"),
         (lambda: hr.simulate(BLOCK, [0, 1], until=1).plot_time("x", axe=1), "plot_time has no argument 'axe'"),

@@ -37,6 +37,18 @@ def test_it_ends_where_the_surface_is_reached_in_that_direction(stop: dict[str, 
     assert f"surface of {run.transitions.surface.iloc[-1]}" in run.message
 
 
+def test_a_list_of_surfaces_is_refused_with_an_example() -> None:
+    with pytest.raises(hr.ArgumentError, match=r"'stop' must be a mapping, as in \{'s': 'falling'\}"):
+        hr.simulate(WAVE, {"x": 1, "v": 0}, until=20, stop=["s"])
+
+
+def test_a_touch_ends_no_run() -> None:
+    """x = sin t touches 1 from below."""
+    swing = hr.System(["x", "v"], {}, {"s": "x - 1"}, ["v", "-x"])
+    run = hr.simulate(swing, {"x": 0, "v": 1}, until=7, stop={"s": "rising"})
+    assert (run.t[-1], run.transitions.kind.tolist()) == (7.0, ["graze"])
+
+
 def test_a_stick_reaches_the_surface_too_and_a_release_does_not() -> None:
     whole = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20)
     crossing, stick = whole.transitions.time_s[:2]

@@ -33,7 +33,7 @@ ORIGIN = Provenance(
 
 def study_request(cases, options, folder, rows=None, origin=ORIGIN) -> StudyRequest:
     """Request of a study that reports no progress."""
-    return StudyRequest(cases, options, origin, folder, ProgressLine(None), lambda words: None, rows)
+    return StudyRequest(cases, options, origin, folder, ProgressLine(None), rows)
 
 
 def made(solver: str, rtol: float, wall: float, *, what: str = "right", truth=None, reading=None) -> Record:

@@ -12,7 +12,7 @@ import henon_ref as hr
 from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.compute import compute, stored_truth, truth_for
-from henon_ref.modes.kinks import HiddenKinks
+from henon_ref.modes import kinks
 from henon_ref.trajectory import Trajectory
 
 SOLVERS = pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
@@ -43,8 +43,8 @@ def test_a_kink_that_another_branch_hides_is_none(name: str) -> None:
 
 
 def test_the_run_itself_does_not_wait_for_that(monkeypatch: pytest.MonkeyPatch) -> None:
-    calls, check = [], HiddenKinks.are_transitions
-    monkeypatch.setattr(HiddenKinks, "are_transitions", lambda *given: calls.append(1) or check(*given))
+    calls, check = [], kinks.are_visible
+    monkeypatch.setattr("henon_ref.integrator.run_result.are_visible", lambda *given: calls.append(1) or check(*given))
     found = run_of("henon", CASE.format(x=0)).transitions
     assert not calls
     assert (len(found), len(found[:1]), len(found[1:])) == (1, 1, 0)

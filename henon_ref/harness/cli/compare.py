@@ -1,8 +1,4 @@
-"""Command ``compare``: its options and their validation.
-
-``python -m henon_ref.compare CASE.yaml [...]`` has exit status 1 if the gate is not met or a required solver is wrong;
-for other statuses see :mod:`henon_ref.commands.exit_status`.
-"""
+"""Command ``compare``: its options and their validation."""
 
 from __future__ import annotations
 
@@ -19,19 +15,9 @@ from henon_ref.commands.exit_status import DONE, exit_status, parsed, writing_in
 from henon_ref.commands.typer_app import FLAG, Cases, application, examples, path_of
 from henon_ref.text import listed
 
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables set to one thread: a run has one thread, and the threads of BLAS would disturb the timings."""
 KEPT = "finished rows are kept; --resume continues from them"
 RUNS, SHOWN, DEMANDS = "Runs", "Output", "Exit status"
 """Panels of the help."""
-HELP = "Run every solver on every case, score the runs against the truth, and write reports."
-EXAMPLES = (
-    "compare fig8",
-    "compare hard --solvers henon,heyoka --tolerances 1e-6,1e-9",
-    "compare my_case.yaml --check",
-    "compare my_case.yaml --gate --json > table.json",
-    "compare hard --solvers my-solver --require my-solver",
-)
 
 app = application()
 
@@ -61,7 +47,15 @@ def _flag(name: str, panel: str | None, words: str) -> Any:
     return typer.Option(name, help=words, metavar=FLAG, rich_help_panel=panel)
 
 
-@app.command(help=HELP, epilog=examples(*EXAMPLES))
+@app.command(
+    epilog=examples(
+        "compare fig8",
+        "compare hard --solvers henon,heyoka --tolerances 1e-6,1e-9",
+        "compare my_case.yaml --check",
+        "compare my_case.yaml --gate --json > table.json",
+        "compare hard --solvers my-solver --require my-solver",
+    )
+)
 def main(
     context: typer.Context,
     cases: Cases,
@@ -131,6 +125,10 @@ def main(
         ),
     ] = None,
 ) -> int:
+    """Run every solver on every case, score the runs against the truth, and write reports."""
+    judged = [name for name, given in (("--json", json), ("--gate", gate), ("--require", require)) if given]
+    if check and judged:
+        raise typer.BadParameter(f"it runs no solver and has no result for {listed(judged)}", param_hint="--check")
     options = {
         "solvers": names(solvers, "--solvers"),
         "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances, "--tolerances") or ())),
@@ -191,7 +189,8 @@ def command(arguments: Sequence[str] | None = None, *, served: bool = False) -> 
 
 def program(arguments: Sequence[str] | None = None) -> int:
     """Run the command as a separate process and return its exit status."""
-    for name in ONE_THREAD:  # read when numpy is imported, which has not happened yet
+    # A run has one thread, and threads of BLAS would disturb the timings. NumPy, which is imported later, reads these.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     status = command(arguments, served=True)
     gc.freeze()  # skips the garbage collection at exit, which takes a tenth of the time of a short comparison

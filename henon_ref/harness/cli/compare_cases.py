@@ -32,16 +32,12 @@ from henon_ref.harness.report.svg import KINDS, figure_job, file_name
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import bounds_of, demand, gate
-from henon_ref.harness.score.ranking import standings, standings_table, tightest
+from henon_ref.harness.score.ranking import at_fault, grouped, standings, standings_table, tightest
 from henon_ref.harness.table import count
 from henon_ref.text import listed, message
 
 MOST_FAILING = 24
 """Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
-NOTE = (
-    "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, median "
-    "time, and geometric mean of its time relative to the fastest solver (times as long)."
-)
 
 
 def run(
@@ -163,7 +159,10 @@ def print_end(rows: Sequence[RunRow], *, readings: int) -> None:
     """Print the table of solvers, and the runs that are not right with reasons, for rows at the tightest settings."""
     print(standings_table(standings(rows)).text)
     if readings > 1:
-        print(NOTE)
+        print(
+            "Each solver at its tightest setting, over the readings in which it is right: smallest number of digits, "
+            "median time, and geometric mean of its time relative to the fastest solver (times as long)."
+        )
     found = failing(rows)
     for own in found[:MOST_FAILING]:
         print(failing_line(own))
@@ -193,12 +192,11 @@ class Failing:
 
 def failing(rows: Sequence[RunRow]) -> list[Failing]:
     """Group the runs that are wrong by a fault of the solver, or have no answer, by solver, status and reason."""
-    found: dict[tuple[str, str, str], list[str]] = {}
-    for row in rows:
-        if demand(row.solver, [row]).failures or row.verdict in UNJUDGED:
-            key = row.solver, row.status, row.status_reason or ""
-            found.setdefault(key, []).append(f"{row.case} {row.reading} at {row.setting}")
-    return [Failing(*key, tuple(where)) for key, where in found.items()]
+    bad = (row for row in rows if at_fault(row) or row.status == "unavailable" or row.verdict in UNJUDGED)
+    alike = grouped(bad, lambda row: (row.solver, row.status, row.status_reason or ""))
+    return [
+        Failing(*key, tuple(f"{row.case} {row.reading} at {row.setting}" for row in own)) for key, own in alike.items()
+    ]
 
 
 def failing_line(found: Failing) -> str:

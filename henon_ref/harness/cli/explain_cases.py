@@ -1,8 +1,4 @@
-"""Explain case files without a run: states, surfaces, jumps, effects, and the equations of each mode.
-
-The commands are ``henon-ref explain CASE...`` and ``henon-ref compare CASE... --check``; for their exit statuses see
-:mod:`henon_ref.commands.exit_status`.
-"""
+"""Commands ``explain`` and ``compare --check``: explain case files without a run."""
 
 from __future__ import annotations
 

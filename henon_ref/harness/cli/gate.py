@@ -1,7 +1,7 @@
 """Command ``gate``: check reports against the bounds of their cases, required solvers and an earlier comparison.
 
 The exit status is 1 if a bound is violated or none was checked, if a required solver is wrong, or if a row is worse
-than in the baseline; for other statuses see :mod:`henon_ref.commands.exit_status`.
+than in the baseline.
 """
 
 from __future__ import annotations
@@ -53,10 +53,11 @@ SUMMARY = "GITHUB_STEP_SUMMARY"
 """Environment variable with the file to which a step of a GitHub workflow appends its summary."""
 MOST_NAMED = 8
 """Largest number of rows named in one message."""
-EXAMPLES = ("gate out", "gate out --require my-solver --junit junit.xml", "gate out --baseline ci/runs.csv")
 
 
-@app.command(epilog=examples(*EXAMPLES))
+@app.command(
+    epilog=examples("gate out", "gate out --require my-solver --junit junit.xml", "gate out --baseline ci/runs.csv")
+)
 def main(
     report: Annotated[
         Path,

@@ -135,18 +135,15 @@ def _may_hold_kink(node: Node) -> bool:
     return any(map(_may_hold_kink, node.items)) if isinstance(node, SequenceNode) else may_have_kinks(node.text)
 
 
-SOLVERS_HELP = (
-    "List solvers: package, version, error control (tolerances or fixed step), restart after events, and the reason "
-    "why a solver is unavailable."
-    "\n\n"
+@solvers_app.command(
+    help="List solvers: package, version, error control (tolerances or fixed step), restart after events, and the "
+    "reason why a solver is unavailable.\n\n"
     "A solver with a restart can be given another one: heyoka@direction. A solver that does not run by default runs if "
-    "a case or --solvers names it."
+    "a case or --solvers names it.",
+    epilog=examples("solvers"),
 )
-
-
-@solvers_app.command(help=SOLVERS_HELP, epilog=examples("solvers"))
 def solvers() -> int:
-    """List solvers; a worker loads each third-party solver first, since its module may hang or crash."""
+    # A worker loads each third-party solver first, since its module may hang or crash.
     from henon_ref.harness import registry
     from henon_ref.harness.campaign.case_files import fixed_step
 
@@ -184,16 +181,13 @@ def unavailable(name: str) -> str:
     return ""
 
 
-SCHEMA_HELP = (
-    "Print the JSON Schema of a case file, for editors that complete and check YAML.\n\n"
+@schema_app.command(
+    help="Print the JSON Schema of a case file, for editors that complete and check YAML.\n\n"
     "Save the schema as case.schema.json next to a case file, and begin the case file with the line "
-    "'# yaml-language-server: $schema=case.schema.json': the editor then checks it while you write."
+    "'# yaml-language-server: $schema=case.schema.json': the editor then checks it while you write.",
+    epilog=examples("schema > case.schema.json"),
 )
-
-
-@schema_app.command(help=SCHEMA_HELP, epilog=examples("schema > case.schema.json"))
 def schema() -> int:
-    """Print the schema, and nothing else, on standard output."""
     from henon_ref.casefile.json_schema import schema_text
 
     print(schema_text(), end="")

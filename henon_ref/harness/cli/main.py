@@ -62,8 +62,6 @@ SUBCOMMANDS = {
 }
 """Name -> subcommand, in the order of the help."""
 
-EXAMPLES = ("demo", "cases", "compare fig8", "explain my_case.yaml", "compare --help")
-
 
 def program(arguments: Sequence[str] | None = None) -> int:
     """Run the program with arguments, by default those of the process, and return the exit status."""
@@ -81,7 +79,7 @@ def application() -> typer.Typer:
         pretty_exceptions_enable=False,
         invoke_without_command=True,
         callback=_own_options,
-        epilog=examples(*EXAMPLES),
+        epilog=examples("demo", "cases", "compare fig8", "explain my_case.yaml", "compare --help"),
     )
     for name, subcommand in SUBCOMMANDS.items():
         app.command(name, help=subcommand.summary)(lambda: None)

@@ -23,10 +23,6 @@ from henon_ref.text import message, shortened
 
 app = application()
 
-NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
-LONGEST = 40
-"""Largest length of a name [characters]."""
-
 
 @app.command(epilog=examples("new-solver my-rk", "new-solver my-julia --program 'julia solver.jl'"))
 def main(
@@ -63,10 +59,10 @@ command = command_of(app, "new-solver")
 
 def check_name(name: str) -> None:
     """Raise CaseError for a name that is invalid, or already taken by a solver or a module."""
-    if not NAME.fullmatch(name) or len(name) > LONGEST:
+    if not re.fullmatch(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*", name) or len(name) > 40:
         raise CaseError(
             f"NAME is {shortened(name)}; a name has lowercase letters and digits, begins with a letter, may contain "
-            f"single - or _ inside, and has at most {LONGEST} characters, for example my-rk"
+            f"single - or _ inside, and has at most 40 characters, for example my-rk"
         )
     module = name.replace("-", "_")
     if name in registry.names():

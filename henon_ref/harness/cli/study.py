@@ -1,8 +1,4 @@
-"""Command ``henon-ref study NAME [CASES] [--out out]``.
-
-The exit status is 1 if a claim of the page fails its check; for other statuses see
-:mod:`henon_ref.commands.exit_status`.
-"""
+"""Command ``study``: run a study; the exit status is 1 if a claim of its page fails its check."""
 
 from __future__ import annotations
 
@@ -21,8 +17,7 @@ from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 
 app = application()
 
-HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
-"""Help on the argument NAME."""
+NAME_HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
 
 
 @app.command(
@@ -35,7 +30,7 @@ HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
     )
 )
 def main(
-    study: Annotated[str, typer.Argument(help=HELP, show_default=False, metavar="NAME")],
+    study: Annotated[str, typer.Argument(help=NAME_HELP, show_default=False, metavar="NAME")],
     cases: Annotated[
         list[Path] | None,
         typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE"),
@@ -93,7 +88,7 @@ def main(
     origin = provenance(" ".join(words))
     kept = KEPT if "resume" in own.takes else ""
     with writing_into(folder, kept=kept), locked([folder]), ProgressLine(sys.stderr) as shown:
-        made = own.make(StudyRequest(loaded, options, origin, folder, shown, status_line.show, rows))
+        made = own.make(StudyRequest(loaded, options, origin, folder, shown, rows))
         discard(folder, loaded)
     status_line.clear()
     for remark in made.remarks:

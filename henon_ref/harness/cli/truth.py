@@ -19,14 +19,14 @@ from henon_ref.text import message
 
 app = application()
 PROOF_SECONDS = 1800.0
-HELP = (
-    "Compute the truth of every reading, compare it with the stored truth, and store it in cases/truth.\n\n"
+
+
+@app.command(
+    help="Compute the truth of every reading, compare it with the stored truth, and store it in cases/truth.\n\n"
     "If the new truth agrees with the stored one, the stored one is kept, unless the new one proves more. A certified "
-    "stored truth is never replaced by a new one that is not certified."
+    "stored truth is never replaced by a new one that is not certified.",
+    epilog=examples("truth my_case.yaml", "truth cases --dry-run", "truth cases --missing"),
 )
-
-
-@app.command(help=HELP, epilog=examples("truth my_case.yaml", "truth cases --dry-run", "truth cases --missing"))
 def main(
     cases: Cases,
     dry_run: Annotated[
@@ -39,7 +39,6 @@ def main(
         float, typer.Option(help="Limit on the time of one proof.", metavar="SECONDS")
     ] = PROOF_SECONDS,
 ) -> int:
-    """Compute truths, compare them with the stored ones, and store them."""
     if not proof_seconds >= 0:
         raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
     failed = False

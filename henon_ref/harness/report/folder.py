@@ -171,8 +171,6 @@ def without_dead_links(text: str, folder: Path) -> str:
 LOCK = ".henon_ref.lock"
 PATIENCE = 60.0
 """Longest time to wait for a lock that other processes hold only briefly [s]."""
-POLL = 0.02
-"""Time between two attempts [s]."""
 TRIES = 100
 """Largest number of attempts to open a lock file that its holder has just removed."""
 
@@ -261,7 +259,7 @@ def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
                     if time.monotonic() >= deadline:
                         words = f"{folder} is being written by another run{_holder(folder)}"
                         raise CaseError(f"{words}; wait for it, or choose another folder with --out") from None
-                time.sleep(POLL)
+                time.sleep(0.02)
         yield
 
 
@@ -270,5 +268,5 @@ def _holder(folder: Path) -> str:
     for _ in range(TRIES):  # the holder writes its number shortly after it has locked the file
         with suppress(OSError, ValueError):
             return f", process {int((folder / LOCK).read_text(encoding='ascii'))}"
-        time.sleep(POLL)
+        time.sleep(0.02)
     return ""

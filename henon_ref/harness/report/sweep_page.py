@@ -38,8 +38,6 @@ CHAINED = "Each point of a continuation starts from the final state of its neigh
 
 KEPT = 25
 """Largest number of runs with a portrait."""
-SHOWN_TRANSITIONS = 40
-"""Number of last transitions in a portrait, which shows the final motion rather than the transient."""
 NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
 """Placeholders for the name and the values of a point in the text of a case file."""
 POINT_BYTES, ROW_BYTES = 1_500_000, 1_100_000
@@ -145,9 +143,10 @@ def _run(plan: Plan, number: int) -> Solution | None:
 
 
 def _last_part(run: Solution) -> Motion:
+    """Motion over the last 40 transitions, which is the final motion rather than the transient."""
     assert run.sol is not None
     at = run.transitions["time_s"].to_numpy(dtype=float)
-    begin = float(at[-SHOWN_TRANSITIONS]) if len(at) >= SHOWN_TRANSITIONS else run.sol.start
+    begin = float(at[-40]) if len(at) >= 40 else run.sol.start
     begin = begin if begin < run.sol.end else run.sol.start
     return run.motion_at(np.union1d(np.linspace(begin, run.sol.end, 1500), run.t[run.t >= begin]))
 

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 TOLERANCES = tuple(10.0**-k for k in range(3, 14))
 """Relative tolerances of the atlas."""
-FAMILY = "family"
-"""Tag of a case whose readings differ in one parameter."""
 KINDS = {
     "two-roots": "distance of the two roots [s]",
     "grazing": "distance from the graze, in units of the surface",
@@ -55,10 +53,6 @@ OUTCOMES: dict[Outcome, tuple[str, str]] = {
 """Label and colour of each outcome of a run; right is pale, so that the panels can be read without colour."""
 COLUMNS = 3
 """Panels per row."""
-PANEL = 1.25
-"""Height of a panel with its title and ticks [in]."""
-MOST_TICKS = 5
-"""Number of labelled distances below a panel."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,7 @@ def family_of(case: Case) -> Family | None:
     """
     first = case.readings[0]
     meaning = next((words for tag, words in KINDS.items() if tag in first.tags), None)
-    if FAMILY not in first.tags or meaning is None:
+    if "family" not in first.tags or meaning is None:
         return None
     alike = [reading for reading in case.readings if _equations(reading) == _equations(first)]
     values = {reading.name: reading.problem.system.parameters for reading in alike}
@@ -155,7 +149,7 @@ def count_table(rows: Sequence[RunRow]) -> Table:
         tally.update(row.verdict for row in own if row.verdict in BLAME)
         lines.append((code(solver), f"{len(own)}", *(f"{tally[word] or ''}" for word in (*OUTCOMES, *BLAME))))
     headings = ("solver", "runs", *(label for label, _ in OUTCOMES.values()), *BLAME)
-    return Table(headings, "l" + "r" * (len(headings) - 1), lines)
+    return Table(headings, "lr", lines)
 
 
 def draw_atlas(family: Family, rows: Sequence[RunRow]) -> Figure:
@@ -164,7 +158,7 @@ def draw_atlas(family: Family, rows: Sequence[RunRow]) -> Figure:
     tolerances = sorted({number(row.rtol) for row in rows}, reverse=True)
     cells = {(row.solver, row.reading, number(row.rtol)): outcome_of(row) for row in rows}
     lines = math.ceil(len(solvers) / COLUMNS)
-    height = lines * PANEL + 1.15
+    height = lines * 1.25 + 1.15  # panels with title and ticks, legend [in]
     with style.figure(height) as figure:
         grid = figure.subplots(lines, COLUMNS, squeeze=False, sharex=True, sharey=True)
         figure.subplots_adjust(
@@ -261,12 +255,12 @@ def _label(figure: Figure, family: Family, tolerances: Sequence[float], count: i
 
 
 def _ticks(distances: Sequence[float]) -> list[int]:
-    """Positions of the labels: both ends, the graze itself, and positions between them."""
+    """Positions of the labels: both ends, and with the graze itself three positions between them, else two."""
     last = len(distances) - 1
     if min(distances) < 0:
         middle = next(i for i, distance in enumerate(distances) if distance >= 0)
         return sorted({0, middle // 2, middle, (middle + last + 1) // 2, last})
-    return sorted({round(last * k / (MOST_TICKS - 2)) for k in range(MOST_TICKS - 1)})
+    return sorted({round(last * k / 3) for k in range(4)})
 
 
 def _distance(value: float) -> str:

@@ -1,16 +1,22 @@
-"""Functions that studies share: running cases, and writing tables, figures and pages."""
+"""Functions that studies share: problems, runs of cases, new interpreters, fitted powers, figures and pages."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from urllib.parse import quote
+
+import numpy as np
 
 from henon_ref.atomic_write import replace_file
 from henon_ref.casefile.case import Case, load_case
 from henon_ref.casefile.files import shipped_folder
+from henon_ref.figures import style
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
@@ -19,12 +25,16 @@ from henon_ref.harness.report.folder import INDEX, REPORT
 from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import svg
 from henon_ref.harness.rows import RunRow
+from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 from henon_ref.text import markdown
 from henon_ref.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+T = TypeVar("T")
 
 
 def rows_of(cases: Sequence[Case], options: Options, observer: ProgressLine) -> list[RunRow]:
@@ -58,6 +68,50 @@ def largest_time_difference(one: Trajectory, other: Trajectory) -> float:
     if [t.to_mode for t in one.transitions] != [t.to_mode for t in other.transitions]:
         return math.inf
     return max((abs(a.time - b.time) for a, b in zip(one.transitions, other.transitions, strict=True)), default=0.0)
+
+
+def in_fresh_process(function: Callable[..., T], *args: Any, cache: str | None = None) -> T:
+    """Call a function in a new interpreter, in which nothing has been imported or compiled before.
+
+    ``cache`` is the folder of its compiled code, by default that of this process.
+    """
+    with ProcessPoolExecutor(1, get_context("spawn"), _keep_code_in, (cache,)) as pool:
+        return pool.submit(function, *args).result()
+
+
+def _keep_code_in(folder: str | None) -> None:
+    if folder is not None:
+        os.environ[VARIABLE] = folder
+
+
+def fitted(rows: Sequence[Any], x: str, y: str, since: float) -> str:
+    """Fit column y ~ (column x)^power to rows with x >= ``since``; return the power with its standard error.
+
+    The fit is by least squares of logarithms with equal weights. Two points have no error, and one has no power ("?").
+    """
+    from scipy.stats import linregress
+
+    own = [row for row in rows if getattr(row, x) >= since]
+    if len(own) < 2:
+        return "?"
+    found = linregress(*(np.log([getattr(row, column) for row in own]) for column in (x, y)))
+    return f"{found.slope:.2f}" + (f" ± {found.stderr:.2f}" if len(own) > 2 else "")
+
+
+def draw_line(axes: Axes, look: style.Line, points: Sequence[tuple[float, float]], label: str, **more: float) -> None:
+    """Draw a solver's points on logarithmic axes."""
+    axes.loglog(
+        [x for x, _ in points], [y for _, y in points], ls=look.dashes, marker=look.marker, color=look.colour,
+        lw=look.width, label=label, **more,
+    )  # fmt: skip
+
+
+def finish(figure: Figure, heading: str, words: str, with_legend: Iterable[Axes]) -> None:
+    """Add legends above axes, the layout, and the description of the figure."""
+    for axes in with_legend:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    figure.set_layout_engine("constrained")
+    style.describe(figure, heading, words)
 
 
 def write(

@@ -34,7 +34,6 @@ SECONDS = 1.0
 RATIOS = "ratios.csv"
 OTHERS, FROM_C = "the cheapest other", "CVODE from C"
 """Rivals of the reference in addition to :data:`SECOND`: the cheapest of all others, and CVODE without Python."""
-CVODE_FROM_C = ("cvode-c-adams", "cvode-c-bdf")
 
 
 def run_paired_times(request: StudyRequest) -> StudyResult:
@@ -76,7 +75,8 @@ def timings_of(case: Case, rows: Sequence[RunRow], deadline: float) -> Iterator[
     by_reading = readings_of(rows)
     for reading in case.readings:
         own = by_reading.get((case.name, reading.name), [])
-        rivals = {SECOND: (SECOND,), FROM_C: CVODE_FROM_C, OTHERS: {row.solver for row in own} - {FIRST}}
+        others = {row.solver for row in own} - {FIRST}
+        rivals = {SECOND: (SECOND,), FROM_C: ("cvode-c-adams", "cvode-c-bdf"), OTHERS: others}
         found = tuple(pairs_of(own, rivals, LEVELS))
         if found:
             yield PairedTiming(case.name, reading.name, reading.problem, found, SECONDS, deadline)
@@ -114,7 +114,7 @@ def spread_table(rows: Sequence[PairRow]) -> Table:
         "solver", "digits", "readings", "times as long, minimum", "lower quartile", "median", "upper quartile",
         "maximum", f"faster than {code(FIRST)} in",
     )  # fmt: skip
-    return Table(headings, "l" + "r" * (len(headings) - 1), lines)
+    return Table(headings, "lr", lines)
 
 
 def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
@@ -123,12 +123,8 @@ def slower_table(rows: Sequence[PairRow], runs: Sequence[RunRow]) -> Table:
     ``runs`` are the rows of the reports, which contain the digits and steps of each setting.
     """
     known = {run.key: run for run in runs}
-    slower: dict[tuple[str, str], list[PairRow]] = {}
-    for row in rows:
-        if row.against == OTHERS and row.ratio > 1:
-            slower.setdefault(row.problem, []).append(row)
     lines = []
-    for problem, own in slower.items():
+    for problem, own in readings_of(row for row in rows if row.against == OTHERS and row.ratio > 1).items():
         row = max(own, key=lambda row: row.ratio)
         cells = [report_link(*problem), bound(row.digits)]
         for solver, rtol, step, wall in (

@@ -22,7 +22,7 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import Turns, interleaved, median_interval, timed
-from henon_ref.harness.rows import Key, Row, RunRow, number
+from henon_ref.harness.rows import Key, ReadingRow, RunRow, number
 from henon_ref.harness.score.ranking import reaching
 from henon_ref.harness.table import significant
 from henon_ref.modes.problem import Problem
@@ -35,25 +35,19 @@ FIRST = "henon"
 """The solver with which all other solvers are compared."""
 SECOND = "heyoka"
 """The next best solver."""
-CANDIDATES = 3
-"""Number of settings per solver that are timed, the cheapest by the rows. Timing may change their order."""
 FEWEST, MOST = 9, 200
 """Bounds of the number of runs of each setting."""
 TURN = 1e-3
 """A short run is repeated for this time in its turn [s]."""
 PREPARE_SECONDS = 300.0
 """Processor time that the preparation of all settings may take [s]; compiled callbacks take some seconds each."""
-OWN_ROUNDS = 20
-"""Largest number of rounds in which a library's own calls are timed."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class PairRow(Row):
+class PairRow(ReadingRow):
     """Times of the reference and another solver at settings with the same digits, from interleaved runs."""
 
-    case: str
-    reading: str
     digits: int | None
     """None if there is no transition."""
     against: str
@@ -72,10 +66,6 @@ class PairRow(Row):
     rounds: int
     rival_own_s: float | None = None
     """Time of the rival library's own calls, without mode switches in Python [s]; None if the rival is not heyoka."""
-
-    @property
-    def problem(self) -> tuple[str, str]:
-        return self.case, self.reading
 
     @property
     def times_as_long(self) -> float:
@@ -132,8 +122,9 @@ def able_rows(rows: Sequence[RunRow], levels: Sequence[int]) -> Iterator[tuple[i
 
 
 def _cheapest(rows: Sequence[RunRow], solvers: Collection[str]) -> tuple[RunRow, ...]:
+    """Three cheapest settings by the rows; timing may change their order."""
     own = [row for row in rows if row.solver in solvers and row.wall_s]
-    return tuple(sorted(own, key=lambda row: number(row.wall_s))[:CANDIDATES])
+    return tuple(sorted(own, key=lambda row: number(row.wall_s))[:3])
 
 
 class _Clocked:
@@ -237,7 +228,7 @@ class PairedTiming:
         for pair in self.pairs:
             own, rival = (min(rows, key=lambda row: times.median(row.key)) for rows in (pair.own, pair.rival))
             if rival.key not in own_parts:
-                rounds, prepare = min(self.rounds, OWN_ROUNDS), partial(self._prepared, rival)
+                rounds, prepare = min(self.rounds, 20), partial(self._prepared, rival)
                 own_parts[rival.key] = own_part(rival.solver, runs[rival.key], prepare, rounds=rounds)
             found.append(self._row(pair, own, rival, times, own_parts[rival.key]))
         return found

@@ -29,8 +29,6 @@ MOST = LEVELS[-1]
 QUICKER = 0.8
 """At equal right runs and digits, a restart is better if it takes less than this part of the time. Other work on the
 machine changes times by less."""
-TIGHTEST = 1e-300
-"""Absolute tolerance of a root's time [s], so small that only the relative tolerance, 4 eps, has an effect."""
 Ending = Literal["right", "wrong", "ended_early", "failed"]
 ENDINGS = get_args(Ending)
 """Kinds of a run's end: transitions of the exact run, other transitions, before the horizon, or failed."""
@@ -247,7 +245,7 @@ def summary_table(suite: Sequence[SuiteRow]) -> Table:
             lines.append((code(library), label, *(f"{n or ''}" for n in counts)))
     ends = (end.replace("_", " ") for end in ENDINGS)
     headings = ("library", "restart", *ends, "transitions missed", "spurious", "right by another restart")
-    return Table(headings, "ll" + "r" * len(COUNTED), lines)
+    return Table(headings, "llr", lines)
 
 
 def default_table(suite: Sequence[SuiteRow]) -> Table:
@@ -301,8 +299,9 @@ def options_of(libraries: Sequence[str]) -> list[tuple[str, str, Adapter]]:
     cooldown = replace(HEYOKA, name="heyoka (cooldown)", cooldown="automatic")
     found: list[tuple[str, str, Adapter]] = [("heyoka", "`cooldown`: heyoka's own", cooldown)]
     for own in (RK45, DOP853, RADAU, BDF, LSODA):
-        again = replace(own, name=f"{own.name} (root)", root_tolerance=TIGHTEST)
-        found.append((own.name, f"the root located again, `xtol` {TIGHTEST:g}", again))
+        # An absolute tolerance so small that only the relative one, 4 eps, has an effect.
+        again = replace(own, name=f"{own.name} (root)", root_tolerance=1e-300)
+        found.append((own.name, "the root located again, `xtol` 1e-300", again))
     return [option for option in found if option[0] in libraries]
 
 
@@ -342,4 +341,4 @@ def option_table(rows: Sequence[OptionRow]) -> Table:
     )  # fmt: skip
     numbers = OptionRow.columns()[2:]
     lines = [(code(row.solver), row.option, *(f"{value:g}" for value in row.values(numbers))) for row in rows]
-    return Table(headings, "ll" + "r" * len(numbers), lines)
+    return Table(headings, "llr", lines)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -26,8 +26,6 @@ class StudyRequest:
     folder: Path
     """Folder of the study, in a folder of reports."""
     observer: ProgressLine
-    show: Callable[[str], None]
-    """Called with the progress of a study without runs."""
     rows: Path | None = None
     """Folder of the reports whose rows the study reads."""
 

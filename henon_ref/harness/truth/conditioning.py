@@ -219,7 +219,7 @@ class _Variations:
         system, resting, jump = self.system, impact_of(self.system, surface), jump_of(self.system, surface)
         assert resting is not None  # the transition is a rest
         after = resting.speed.xreplace(dict(zip(system.states, jump.states, strict=True)))
-        signs = {s: sp.Integer(entry) for s, entry in zip(system.signs, mode, strict=True)}
+        signs = system.entries(mode)
         turned = {system.signs[j]: -signs[system.signs[j]] for j in turning_in_flight(system, surface)}
         written = [resting.acceleration, resting.acceleration.xreplace(turned), -sp.cancel(after / resting.speed)]
         written += [

@@ -7,8 +7,10 @@ of the straight-line code (:mod:`henon_ref.taylor.llvm.expansion`) for one node,
 (:mod:`henon_ref.taylor.llvm.one_node`), and compute the same bits, except in the third norm: of this sum, only whether
 it is finite is used, so that the order of its terms is free.
 
-Series of states are in the rows of ``C``. Series of nodes are in memory ``S`` that is allocated for the call, which
-also holds the sums of constants that are used as factors, each once.
+Each pass of a loop computes several nodes, one in each lane of vectors (:mod:`henon_ref.jit.lanes`). For this, all
+series are columns of one matrix ``S`` (row k: coefficient k), in which those of one shape are neighbours. ``S`` is
+allocated for the call and also holds the sums of constants that are used as factors, each once. At the end the columns
+of states and outputs are copied to the rows of ``C``.
 """
 
 from __future__ import annotations
@@ -18,15 +20,20 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TypeVar
 
-from henon_ref.jit.ir_writer import literal, loop_function, row_length
-from henon_ref.taylor.llvm.one_node import OneNode, Pieces, bound_lines, state_lines, total_lines
-from henon_ref.taylor.llvm.shapes import Factors, Operands, Shape, Shapes
+from henon_ref.jit.ir_writer import LANES, IRWriter, literal, loop_function, row_length
+from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes
+from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, copy_lines, row_lines, state_lines, total_lines
+from henon_ref.taylor.llvm.shapes import Factors, Shapes
 from henon_ref.taylor.llvm.step_bounds import GROWING
 from henon_ref.taylor.tape import Tape
 
 T = TypeVar("T")
 Key = TypeVar("Key", bound=Hashable)
-_POINTER = re.compile(r"%p(\d+)\b")
+Pointers = Sequence[tuple[str, str]]
+"""Name of the pointer of each entry of a table's row, and the array into which it points."""
+Arranged = tuple[str, ...]
+"""Where the numbers of the lanes are (:func:`henon_ref.jit.lanes.arrangement`); empty if a pass is for one series."""
+_POINTER = re.compile(r"%p\d+")
 _TIMES = "double %unit, double %t_hi, double %t_lo"
 
 
@@ -36,140 +43,173 @@ def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: i
 
 
 class _LoopedExpansion:
+    """Writer of the code. The series of a node has its number, that of state i is -1 - i, and outputs follow the nodes.
+
+    Arrays: ``S`` and ``C`` (see above); ``K``, constants; ``N``, three norms of the rows, each in lanes.
+    """
+
     def __init__(self, tape: Tape, states: int, order: int, name: str, width: int) -> None:
-        self.tape, self.states, self.order, self.name, self.width = tape, states, order, name, width
-        self.shapes = Shapes(tape, order)
+        self.tape, self.order, self.name, self.width = tape, order, name, width
+        self.shapes = shapes = Shapes(tape, order)
+        self.states = range(-1, -1 - states, -1)
+        outputs = range(len(tape.nodes), len(tape.nodes) + len(tape.outputs))
+        self.rows = [*self.states, *outputs]
+        """Series in the rows of ``C``."""
+        self.found = {
+            **shapes.nodes,
+            **dict(zip(self.states, shapes.rates, strict=False)),
+            **dict(zip(outputs, shapes.outputs, strict=True)),
+        }
+        """Shape and operands of each series."""
         self.functions: dict[Hashable, str] = {}
         self.globals: list[str] = []
         self.calls: list[str] = []
-        self.memory = 0
+        levels, last = shapes.levels, shapes.last
+        nodes = sorted(shapes.nodes, key=levels.__getitem__)
+        self.nodes = [each for _, each in _grouped(nodes, lambda at: (levels[at], shapes.nodes[at][0], at in last))]
+        self.rates = [each for _, each in _grouped(self.states[: len(shapes.rates)], lambda at: self.found[at][0])]
+        self.outputs = [each for _, each in _grouped(outputs, lambda at: self.found[at][0])]
+        self.columns: dict[int, int] = {}
+        """Column of ``S`` of each series; first those in the rows of ``C``."""
+        for group in (self.states[len(shapes.rates) :], *self.rates, *self.outputs, *self.nodes):
+            if group in self.nodes:  # neighbours are to read neighbours
+                group.sort(key=lambda at: [self.columns.get(each, 0) for each in self.found[at][1].series])
+            self.columns |= {at: len(self.columns) + i for i, at in enumerate(group)}
+        stride = max(len(self.columns), LANES)
+        self.stride = stride + 4 * (stride % 8 == 0)  # otherwise the numbers of a column are in few sets of the cache
+        found = {shape for shape, _ in self.found.values()}
+        self.pieces = {shape: OneNode(shape, order, self.stride).pieces() for shape in found}
+        self.memory = self.stride * max([1, *(pieces.room for pieces in self.pieces.values())])
         """Number of doubles of ``S`` allocated so far."""
         self.totals: dict[Factors, int] = {}
         """Place in ``S`` of each sum of constants."""
-        self.pieces: dict[Shape, Pieces] = {}
-        self.norms = (states + len(tape.outputs)) * width
-        """Place in ``C`` of the numbers after the rows."""
-        self.rows: dict[int, int] = {}
-        """Place in ``S`` of the row of each node."""
+        self.passes: dict[tuple[int, bool], dict[Arranged, str]] = {}
+        """Results of :meth:`_passes`, by the first series of the group."""
 
     def text(self) -> str:
         self._constants()
-        self._node_rows()
+        rows = [(self.columns[at], i) for i, at in enumerate(self.states)]
+        self._loop("start", _pointers("SC"), copy_lines, self._table(rows), states="%x")
         self._orders()
+        for group in self.outputs:
+            self._piece(group, 0)
+        self._rows()
         if self.order >= 3:
             self._norms()
-        self._outputs()
         body = "\n".join(self.calls)
-        copy = f"  call void @{self.name}.copy(ptr %C, ptr %x, i64 {self.states}, i64 {self.width})\n"
         return (
             "\n".join(self.globals)
-            + "\n"
-            + _copy_ir(f"{self.name}.copy")
-            + f"define void @{self.name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
-            f"ptr noalias %C) {{\nentry:\n  %S = call noalias ptr @malloc(i64 {8 * max(self.memory, 1)})\n"
-            f"{copy}{body}\n  call void @free(ptr %S)\n  ret void\n}}\n"
+            + f"\ndefine void @{self.name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
+            f"ptr noalias %C) {{\nentry:\n  %N = alloca [{3 * LANES} x double], align 32\n"
+            f"  store [{3 * LANES} x double] zeroinitializer, ptr %N, align 32\n"
+            f"  %S = call noalias ptr @malloc(i64 {8 * self.memory})\n"
+            f"{body}\n  call void @free(ptr %S)\n  ret void\n}}\n"
         )
 
-    def _taken(self, count: int) -> int:
-        """Allocate doubles of ``S``."""
-        first, self.memory = self.memory, self.memory + count
-        return first
-
     def _loop(
-        self, key: Hashable, bases: Sequence[str], lines: Callable[[], Iterable[str]], table: tuple[str, int]
+        self, key: Hashable, pointers: Pointers, lines: Callable[[], Iterable[str]], table: str, states: str = "%C"
     ) -> None:
-        """Add a call of a loop over a table, and write its function if it does not exist yet."""
+        """Add a call of a loop over a table, and write its function if it does not exist yet; ``states``: its %C."""
         if key not in self.functions:
             self.functions[key] = f"{self.name}.{len(self.functions)}"
-            self.globals.append(_loop_ir(self.functions[key], bases, list(lines())))
-        rows = f"ptr @{table[0]}, i64 {table[1]}"
-        self.calls.append(f"  call void @{self.functions[key]}(ptr %C, ptr %S, ptr %K, {rows}, {_TIMES})")
+            self.globals.append(_loop_ir(self.functions[key], pointers, list(lines())))
+        arrays = f"ptr {states}, ptr %S, ptr %K, ptr %N"
+        self.calls.append(f"  call void @{self.functions[key]}({arrays}, {table}, {_TIMES})")
 
-    def _table(self, rows: Sequence[Sequence[int]]) -> tuple[str, int]:
-        """Add a table of places as a constant of the module."""
+    def _table(self, rows: Sequence[Sequence[int]]) -> str:
+        """Add a table of places as a constant of the module; return it and its length as arguments of a loop."""
         name = f"{self.name}.table{len(self.globals)}"
-        numbers = ", ".join(f"i32 {place}" for row in rows for place in row)
-        self.globals.append(f"@{name} = private constant [{sum(map(len, rows))} x i32] [{numbers}]")
-        return name, len(rows)
+        numbers = ", ".join(f"i64 {place}" for row in rows for place in row)
+        self.globals.append(f"@{name} = private constant [{sum(map(len, rows))} x i64] [{numbers}]")
+        return f"ptr @{name}, i64 {len(rows)}"
 
     def _constants(self) -> None:
-        """Compute all sums of constants, each once."""
-        found = [*self.shapes.nodes.values(), *self.shapes.rates, *self.shapes.outputs]
-        for _, operands in found:
-            for factors in operands.constants:
-                if factors not in self.totals:
-                    self.totals[factors] = self._taken(1)
+        """Compute all sums of constants, each once; those that a group reads as one operand are neighbours."""
+        for group in (*self.nodes, *self.rates, *self.outputs):
+            for found in zip(*(self.found[at][1].constants for at in group), strict=True):
+                for factors in found:
+                    if factors not in self.totals:
+                        self.totals[factors] = self.memory
+                        self.memory += 1
         signs = {factors: tuple((f.sign, len(f.constants)) for f in factors) for factors in self.totals}
         for kind, members in _grouped(self.totals, signs.__getitem__):
             rows = [[self.totals[each], *(i for f in each for i in f.constants)] for each in members]
-            bases = ["%S", *["%K"] * (len(rows[0]) - 1)]
-            self._loop(("total", kind), bases, partial(total_lines, kind), self._table(rows))
-
-    def _node_rows(self) -> None:
-        for at, (shape, _) in self.shapes.nodes.items():
-            if shape not in self.pieces:
-                self.pieces[shape] = OneNode(shape, self.order).pieces()
-            self.rows[at] = self._taken(self.pieces[shape].room)
-
-    def _places(self, operands: Operands) -> list[int]:
-        series = [self.rows[at] if at >= 0 else (-1 - at) * self.width for at in operands.series]
-        return [*series, *(self.totals[factors] for factors in operands.constants)]
-
-    @staticmethod
-    def _bases(shape: Shape) -> list[str]:
-        return [*("%C" if state else "%S" for state, _ in shape.series), *["%S"] * shape.constants]
+            pointers = _pointers("S" + "K" * (len(rows[0]) - 1))
+            self._loop(("total", kind), pointers, partial(total_lines, kind), self._table(rows))
 
     def _orders(self) -> None:
         """Compute the coefficients of all nodes and the next ones of the states, order by order."""
-        shapes, order = self.shapes, self.order
-        groups = []
-        for (_, shape, last), members in _grouped(
-            sorted(shapes.nodes, key=shapes.levels.__getitem__),
-            lambda at: (shapes.levels[at], shapes.nodes[at][0], at in shapes.last),
-        ):
-            rows = [[self.rows[at], *self._places(shapes.nodes[at][1])] for at in members]
-            groups.append((shape, last, self._table(rows)))
-        rates = []
-        for shape, states in _grouped(range(len(shapes.rates)), lambda i: shapes.rates[i][0]):
-            rows = [[i * self.width, *self._places(shapes.rates[i][1])] for i in states]
-            rates.append((shape, OneNode(shape, order).rate_pieces(), self._table(rows)))
-        for k in range(order + 1):
-            for shape, last, table in groups:
-                if k < order or order == 0 or last:
-                    self._loop((shape, k), ["%S", *self._bases(shape)], self.pieces[shape].lines[k].copy, table)
-            for shape, pieces, table in rates if k < order else ():
-                self._loop((shape, k), ["%C", *self._bases(shape)], pieces.lines[k].copy, table)
+        for k in range(self.order + 1):
+            for group in self.nodes:
+                if k < self.order or self.order == 0 or group[0] in self.shapes.last:
+                    self._piece(group, k)
+            for group in self.rates if k < self.order else ():
+                self._piece(group, k)
 
-    def _outputs(self) -> None:
-        """Compute the rows of the outputs."""
-        shapes, n = self.shapes, self.states
-        for shape, members in _grouped(range(len(shapes.outputs)), lambda r: shapes.outputs[r][0]):
-            rows = [[(n + r) * self.width, *self._places(shapes.outputs[r][1]), self.norms] for r in members]
-            bases = ["%C", *self._bases(shape), "%C"]
-            self._loop((shape, "row"), bases, OneNode(shape, self.order).output, self._table(rows))
+    def _piece(self, group: Sequence[int], k: int) -> None:
+        shape, _ = self.found[group[0]]
+        self._for_all(group, k, self.pieces[shape].lines[k])
+
+    def _for_all(self, group: Sequence[int], key: Hashable, lines: list[str]) -> None:
+        """Call the code of one series, ``lines``, for all series of a group."""
+        for arranged, table in self._passes(group, can_be_in_lanes(lines)).items() if lines else ():
+            pointers = _pointers("S" * (1 + sum(map(len, self.found[group[0]][1]))))
+            write = partial(in_lanes, lines, arranged) if arranged else lines.copy
+            self._loop((self.found[group[0]][0], key, arranged), pointers, write, table)
+
+    def _passes(self, group: Sequence[int], in_lanes: bool) -> dict[Arranged, str]:
+        """Tables of the passes over a group, by the arrangement of the operands in the lanes.
+
+        The last pass repeats series if necessary; where the operands of neighbours are apart, a pass is for one series.
+        """
+        key = group[0], in_lanes
+        if key not in self.passes:
+            rows: dict[Arranged, list[list[int]]] = {}
+            for first in range(0, len(group), LANES):
+                now = [self._places(at) for at in group[max(min(first, len(group) - LANES), 0) :][:LANES]]
+                arranged = arrangement(now) if in_lanes and len(now) == LANES else ()
+                found = now[:1] if arranged else map(self._places, group[first : first + LANES])
+                rows.setdefault(arranged, []).extend(found)
+            self.passes[key] = {arranged: self._table(found) for arranged, found in rows.items()}
+        return self.passes[key]
+
+    def _places(self, at: int) -> list[int]:
+        """Places of a series, of its operands and constants in ``S``."""
+        series, constants = self.found[at][1]
+        return [*(self.columns[each] for each in (at, *series)), *(self.totals[each] for each in constants)]
+
+    def _rows(self) -> None:
+        """Copy the columns of states and outputs to the rows of ``C``."""
+        found = sorted((self.columns[at], i * self.width) for i, at in enumerate(self.rows))
+        table = []
+        for first in range(0, len(found), LANES):
+            now = found[max(min(first, len(found) - LANES), 0) :][:LANES]
+            table.append([now[0][0], *(row for _, row in now), *[now[0][1]] * (LANES - len(now))])
+        self._loop(
+            "rows", _pointers("S" + "C" * LANES), partial(row_lines, self.order, self.stride), self._table(table)
+        )
 
     def _norms(self) -> None:
-        """Start the numbers after the rows, which the outputs complete."""
-        shapes, order = self.shapes, self.order
-        for i, value in enumerate((0.0, 0.0, 0.0, 1e30)):
-            self.calls += [
-                f"  %norm{i} = getelementptr double, ptr %C, i64 {self.norms + i}",
-                f"  store double {literal(value)}, ptr %norm{i}, align 8",
-            ]
-        for degree, members in _grouped(range(self.states), lambda i: shapes.degree(-1 - i)):
-            rows = [[i * self.width, self.norms] for i in members]
-            self._loop(("state", degree), ["%C", "%C"], partial(state_lines, degree, order), self._table(rows))
+        """Compute the numbers after the rows: largest last and last but one coefficient, sum of all, longest step."""
+        shapes, order, stride = self.shapes, self.order, self.stride
+        for group in self.rates:
+            self._for_all(group, "norms", state_lines(order, stride))
+        norms = len(self.rows) * self.width
+        w = IRWriter()
+        for i in range(3):
+            parts = [w.load("%N", LANES * i + lane) for lane in range(LANES)]
+            w.store(w.paired(w.plus if i == 2 else w.larger, parts), "%C", norms + i)
+        w.store(literal(1e30), "%C", norms + 3)
+        self.calls += w.lines
 
-        def kind(at: int) -> tuple[str, bool, int, int]:
+        def kind(at: int) -> tuple[str, int, int, int]:
             name, whole = shapes.argument(at)
-            return self.tape.nodes[at].op, name < 0, shapes.degree(name), order if whole else order - 1
+            return self.tape.nodes[at].op, stride, shapes.degree(name), order if whole else order - 1
 
         growing = [at for at, node in enumerate(self.tape.nodes) if node.op in GROWING]
         for found, members in _grouped(growing, kind):
-            names = [shapes.argument(at)[0] for at in members]
-            rows = [[self.norms + 3, -(1 + name) * self.width if name < 0 else self.rows[name]] for name in names]
-            bases = ["%C", "%C" if found[1] else "%S"]
-            self._loop(("step", found), bases, partial(bound_lines, *found), self._table(rows))
+            rows = [[norms + 3, self.columns[shapes.argument(at)[0]]] for at in members]
+            self._loop(("step", found), _pointers("CS"), partial(bound_lines, *found), self._table(rows))
 
 
 def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key, list[T]]]:
@@ -180,30 +220,20 @@ def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key,
     return iter(groups.items())
 
 
-def _loop_ir(name: str, bases: Sequence[str], lines: list[str]) -> str:
-    """Loop over the rows of a table: pointer i is entry i of the row, as an offset in doubles from base i."""
-    pointers = []
-    for i in sorted({int(found) for line in lines for found in _POINTER.findall(line)}):
-        pointers += [
-            f"  %e{i} = add i64 %row, {i}",
-            f"  %f{i} = getelementptr i32, ptr %T, i64 %e{i}",
-            f"  %g{i} = load i32, ptr %f{i}, align 4",
-            f"  %h{i} = sext i32 %g{i} to i64",
-            f"  %p{i} = getelementptr double, ptr {bases[i]}, i64 %h{i}",
-        ]
-    row = f"  %row = mul i64 %at, {len(bases)}"
-    arguments = "ptr noalias %C, ptr noalias %S, ptr noalias %K, ptr noalias %T, i64 %count"
-    return loop_function(name, f"{arguments}, {_TIMES}", [row, *pointers, *lines])
+def _pointers(arrays: str) -> Pointers:
+    return [(f"%p{i}", f"%{array}") for i, array in enumerate(arrays)]
 
 
-def _copy_ir(name: str) -> str:
-    """Copy consecutive numbers to places ``%stride`` doubles apart."""
-    lines = [
-        "%place = mul i64 %at, %stride",
-        "%source = getelementptr double, ptr %from, i64 %at",
-        "%target = getelementptr double, ptr %to, i64 %place",
-        "%value = load double, ptr %source, align 8",
-        "store double %value, ptr %target, align 8",
-    ]
-    arguments = "ptr noalias %to, ptr noalias %from, i64 %count, i64 %stride"
-    return loop_function(name, arguments, [f"  {line}" for line in lines])
+def _loop_ir(name: str, pointers: Pointers, lines: list[str]) -> str:
+    """Loop over the rows of a table: each entry is the offset of a pointer, in doubles, from the start of its array."""
+    used = {found for line in lines for found in _POINTER.findall(line)}
+    row = [f"  %from = mul i64 %at, {len(pointers)}", "  %row = getelementptr i64, ptr %T, i64 %from"]
+    for i, (pointer, array) in enumerate(pointers):
+        if pointer in used:
+            row += [
+                f"  %entry{i} = getelementptr i64, ptr %row, i64 {i}",
+                f"  %offset{i} = load i64, ptr %entry{i}, align 8",
+                f"  {pointer} = getelementptr double, ptr {array}, i64 %offset{i}",
+            ]
+    arguments = "ptr noalias %C, ptr noalias %S, ptr noalias %K, ptr noalias %N, ptr noalias %T, i64 %count"
+    return loop_function(name, f"{arguments}, {_TIMES}", [*row, *lines])

@@ -13,10 +13,9 @@ from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
 
-from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal
+from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
-from henon_ref.taylor.llvm.expansion import store_combination, store_values
-from henon_ref.taylor.llvm.linear_forms import Factor, Form
+from henon_ref.taylor.llvm.linear_forms import Factor, Form, Pair
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.shapes import Shape
 from henon_ref.taylor.llvm.step_bounds import inverse_size, longest_step
@@ -27,8 +26,7 @@ CHEAP = 3
 _DEFINED = re.compile(r"  (%v\d+) = (.*)")
 _NAME = re.compile(r"%v\d+")
 _FREE = re.compile(r"getelementptr|load")
-_SHORT = re.compile(r"fneg|fadd|fsub|fmul|insertelement|shufflevector|extractelement")
-_VECTOR = re.compile(r"<\d+ x double>")
+_SHORT = re.compile(r"fneg|fadd|fsub|fmul")
 
 
 class Pieces(NamedTuple):
@@ -39,14 +37,26 @@ class Pieces(NamedTuple):
 
 
 class _Series(Coefficients):
-    """Coefficients in memory, each loaded once."""
+    """Coefficients in memory, ``stride`` doubles apart, each loaded once."""
 
-    def __init__(self, w: IRWriter, pointer: str, degree: int) -> None:
+    def __init__(self, w: IRWriter, pointer: str, degree: int, stride: int) -> None:
         super().__init__(w)
-        self._pointer, self._degree = pointer, degree
+        self._pointer, self._degree, self._stride = pointer, degree, stride
 
     def __getitem__(self, k: int) -> Value:  # type: ignore[override]
-        return None if k > self._degree else self._w.once.load(self._pointer, k)
+        return None if k > self._degree else self._w.once.load(self._pointer, k * self._stride)
+
+
+class _OneConvolution(Convolutions):
+    """Sums of products of one node, number by number, in the order in which lanes of vectors add them."""
+
+    def parts(self, pair: Pair, k: int) -> tuple[Value, Value]:
+        early = super().parts(pair, k)[1]
+        if k < 5 or pair not in self.grouped:
+            return None, early
+        v, older = self.series[pair[1]], range((k - 1) // 2, 1, -1)
+        first = self.w.total([(self.left(pair, j), v[k - j]) for j in older])
+        return self.w.add(first, self.w.total([(v[j], self.left(pair, k - j)) for j in older])), early
 
 
 def _constants(w: IRWriter, first: int, count: int) -> Constants:
@@ -55,18 +65,21 @@ def _constants(w: IRWriter, first: int, count: int) -> Constants:
 
 
 class OneNode:
-    """Writer of the code of one node of a shape. Pointers: ``%p0`` its row, then its series, then its constants."""
+    """Writer of the code of one node of a shape. Pointers: ``%p0`` its column, then its series, then its constants.
 
-    def __init__(self, shape: Shape, order: int) -> None:
-        self.shape, self.order, own = shape, order, len(shape.series)
+    ``stride``: distance of the coefficients of a column.
+    """
+
+    def __init__(self, shape: Shape, order: int, stride: int) -> None:
+        self.shape, self.order, self.stride, own = shape, order, stride, len(shape.series)
         self.w = w = IRWriter()
         self.constants = _constants(w, 1 + own, shape.constants)
         series: dict[int, Coefficients] = {
-            label: _Series(w, f"%p{1 + label}", degree) for label, (_, degree) in enumerate(shape.series)
+            label: _Series(w, f"%p{1 + label}", degree, stride) for label, (_, degree) in enumerate(shape.series)
         }
         self.y = series[own] = Coefficients(w)
         pair = (shape.args[0], shape.args[1], own) if shape.op == "mul" else (own - 1, own, own)
-        convolutions = Convolutions(w, series, [pair] if shape.in_vectors else [], order)
+        convolutions = _OneConvolution(w, series, [pair] if shape.in_vectors else [], order)
         integrals = {
             label: (series[of], w.mul(self.constants.total(rate), "%unit")) for label, of, rate in shape.integrals
         }
@@ -88,50 +101,57 @@ class OneNode:
         return self.made.of(own, Node(shape.op, shape.args, tuple(range(shape.constants))), None, None)
 
     def pieces(self) -> Pieces:
-        """Code of a node, one piece per order."""
+        """Code of a node, or of a state's rate, one piece per order; of an output in one piece."""
+        if self.shape.op == "output":
+            return Pieces([self._output()], self.order + 1)
+        if self.shape.op == "rate":
+            return self._rate_pieces()
         recurrence, y, starts = self.recurrence(), self.y, [0]
         for k in range(self.order + 1):
             if k:
                 starts.append(len(self.w.lines))
-            self.made.convolutions.add_up(k)
             y.append(recurrence(k))
-            self.made.convolutions.pack(k)
         results = {k: (k, v) for k, v in enumerate(y) if v is not None}
-        return in_pieces(self.w.lines, starts, results, "%p0", self.order + 1)
+        return in_pieces(self.w.lines, starts, results, self.order + 1, self.stride)
 
-    def rate_pieces(self) -> Pieces:
+    def _rate_pieces(self) -> Pieces:
         """Code of a state: the next coefficient from each order."""
         factors, results, starts = self.made.rate_factors(self.form), {}, [0]
         for k in range(self.order):
             if k:
                 starts.append(len(self.w.lines))
             results[k + 1] = k, self.made.state(self.form, factors, k + 1)
-        return in_pieces(self.w.lines, starts, results, "%p0", self.order + 1)
+        return in_pieces(self.w.lines, starts, results, self.order + 1, self.stride)
 
-    def output(self) -> list[str]:
-        """Lines of an output: its row, and its part in the norms (:func:`_include`)."""
+    def _output(self) -> list[str]:
+        """Lines of an output: its column, and its part in the norms (:func:`_include`)."""
         w, order = self.w, self.order
-        in_rows = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
-        wanted = {0, 1, 2, order - 1, order} if in_rows else range(order + 1)
+        of_states = order >= LANES and all(self.shape.series[label][0] for label in self.form.terms)
+        wanted = {0, 1, 2, order - 1, order} if of_states else range(order + 1)
         values = [self.made.linear(self.form, k) if k in wanted else None for k in range(order + 1)]
-        if in_rows:
-            parts = [((f"%p{1 + label}", 0), self.constants.total(found)) for label, found in self.form.terms.items()]
-            store_combination(w, values[0], ("%p0", 0), parts, order)
-        else:
-            store_values(w, values, ("%p0", 0))
+        column = [values[0], *map(self._combination, range(1, order + 1))] if of_states else values
+        for k, value in enumerate(column):
+            w.store(value or ZERO, "%p0", k * self.stride)
         if order >= 3:
-            _include(w, values, f"%p{1 + len(self.shape.series) + self.shape.constants}")
+            _include(w, values)
         return w.lines
 
+    def _combination(self, k: int) -> Value:
+        """Coefficient of an output that is linear in the states, in the order of sums of `store_combination`."""
+        total: Value = None
+        for label, factors in self.form.terms.items():
+            total = self.w.fused(self.constants.total(factors), self.made.series[label][k], total)
+        return total
 
-def _include(w: IRWriter, values: Sequence[Value], norms: str) -> None:
+
+def _include(w: IRWriter, values: Sequence[Value]) -> None:
     """Include a row in the norms: largest last and last but one coefficient relative to the row's size, and a sum."""
     inverse = inverse_size(w, values[:3])
-    for place, value in zip((1, 0), values[-2:], strict=True):
-        if value is not None:
-            ratio = w.binary("fmul", w.call("fabs", value), inverse)
-            w.store(w.larger(w.load(norms, place), ratio), norms, place)
-            w.store(w.plus(w.load(norms, 2), ratio), norms, 2)
+    ratios = [(i, w.binary("fmul", w.call("fabs", v), inverse)) for i, v in zip((1, 0), values[-2:], strict=True) if v]
+    for i, ratio in ratios:
+        w.store(w.larger(w.load("%N", LANES * i), ratio), "%N", LANES * i)
+    if ratios:
+        w.store(w.plus(w.load("%N", 2 * LANES), w.paired(w.plus, [ratio for _, ratio in ratios])), "%N", 2 * LANES)
 
 
 def total_lines(kind: Sequence[tuple[int, int]]) -> list[str]:
@@ -144,25 +164,58 @@ def total_lines(kind: Sequence[tuple[int, int]]) -> list[str]:
     return w.lines
 
 
-def state_lines(degree: int, order: int) -> list[str]:
-    """Include a state in the norms; coefficients above its degree are zero already."""
+def state_lines(order: int, stride: int) -> list[str]:
+    """Include a state in the norms."""
     w = IRWriter()
-    row = _Series(w, "%p0", degree)
-    _include(w, [row[k] for k in range(order + 1)], "%p1")
+    column = _Series(w, "%p0", order, stride)
+    _include(w, [column[k] for k in range(order + 1)])
     return w.lines
 
 
-def bound_lines(op: str, state: bool, degree: int, highest: int) -> list[str]:
+def copy_lines() -> list[str]:
+    """Copy a number from ``%p1`` to ``%p0``."""
+    w = IRWriter()
+    w.store(w.load("%p1", 0), "%p0", 0)
+    return w.lines
+
+
+def row_lines(order: int, stride: int) -> list[str]:
+    """Copy four neighbouring columns from ``%p0`` to the rows ``%p1`` to ``%p4``.
+
+    Rows that are not required point to that of the first column, which is stored last.
+    """
+    w, kind, width = IRWriter(), f"<{LANES} x double>", row_length(order)
+
+    def mixed(a: str, b: str, lanes: str) -> str:
+        mask = ", ".join(f"i32 {i}" for i in lanes)
+        return w.emit(f"shufflevector {kind} {a}, {kind} {b}, <{LANES} x i32> <{mask}>")
+
+    for k in range(0, width, LANES):
+        rows = [
+            w.load("%p0", j * stride, kind) if j <= order else w.vector([ZERO] * LANES) for j in range(k, k + LANES)
+        ]
+        (a, b), (c, d) = ([mixed(x, y, "0426"), mixed(x, y, "1537")] for x, y in (rows[:2], rows[2:]))
+        columns = mixed(a, c, "0145"), mixed(b, d, "0145"), mixed(a, c, "2367"), mixed(b, d, "2367")
+        for i in reversed(range(LANES)):
+            if width % LANES == 0:
+                w.store(columns[i], f"%p{1 + i}", k, kind)
+            else:
+                for j in range(width):
+                    w.store(w.lane(LANES, columns[i], j), f"%p{1 + i}", j)
+    return w.lines
+
+
+def bound_lines(op: str, stride: int, degree: int, highest: int) -> list[str]:
     """Replace the number at ``%p0`` by the longest step that a function's argument allows, if that is shorter."""
     w = IRWriter()
-    argument = _Series(w, "%p1", degree)
+    argument = _Series(w, "%p1", degree, stride)
     bound = longest_step(w, [(op, [argument[k] for k in range(highest + 1)])])
     w.store(w.smaller(bound, w.load("%p0", 0)), "%p0", 0)
     return w.lines
 
 
 def in_pieces(
-    lines: Sequence[str], starts: Sequence[int], results: Mapping[int, tuple[int, Value]], own: str, room: int
+    lines: Sequence[str], starts: Sequence[int], results: Mapping[int, tuple[int, Value]], room: int, stride: int
 ) -> Pieces:
     """Cut straight-line code into pieces that can be compiled separately.
 
@@ -173,17 +226,17 @@ def in_pieces(
         Index of the first line of each piece.
     results : mapping
         Place in memory -> (index of the piece that stores the value there, the value).
-    own : str
-        Pointer to the memory, available in all pieces.
     room : int
         First free place in the memory, for values that later pieces read.
+    stride : int
+        Distance of the places from ``%p0``, in doubles.
     """
-    return _Cut(lines, starts, own, room).made(results)
+    return _Cut(lines, starts, room, stride).made(results)
 
 
 class _Cut:
-    def __init__(self, lines: Sequence[str], starts: Sequence[int], own: str, room: int) -> None:
-        self.own, self.room = own, room
+    def __init__(self, lines: Sequence[str], starts: Sequence[int], room: int, stride: int) -> None:
+        self.room, self.stride = room, stride
         self.bodies = [lines[start:end] for start, end in pairwise([*starts, len(lines)])]
         self.texts: dict[str, str] = {}
         self.piece: dict[str, int] = {}
@@ -236,37 +289,27 @@ class _Cut:
                 cost += sum(self._keep_for(each) for each in _NAME.findall(text))
             if cost > CHEAP:
                 self.kept[name] = self.room
-                self.room += int(_type(text)[1]) if _type(text) != "double" else 1
+                self.room += 1
                 cost = 0
             self._costs[name] = cost
         return self._costs[name]
 
     def _stored(self, value: str, place: int) -> list[str]:
         """Code that stores a value in memory."""
-        at, kind = f"%to{place}", _type(self.texts.get(value, "double"))
         return [
-            f"  {at} = getelementptr double, ptr {self.own}, i64 {place}",
-            f"  store {kind} {value}, ptr {at}, align 8",
+            f"  %to{place} = getelementptr double, ptr %p0, i64 {place * self.stride}",
+            f"  store double {value}, ptr %to{place}, align 8",
         ]
 
     def _again(self, name: str, lines: dict[str, str]) -> None:
         """Add the code that loads or recomputes a value of an earlier piece; ``lines``: the code of each value."""
         if name in lines or name not in self.texts:
             return
-        text, load = self.texts[name], ""
         if name in self.kept:
             place = self.kept[name]
-            load = f"  %from{place} = getelementptr double, ptr {self.own}, i64 {place}\n"
-            text = f"load {_type(text)}, ptr %from{place}, align 8"
+            lines[f"%from{place}"] = f"  %from{place} = getelementptr double, ptr %p0, i64 {place * self.stride}"
+            lines[name] = f"  {name} = load double, ptr %from{place}, align 8"
         else:
-            for each in _NAME.findall(text):
+            for each in _NAME.findall(self.texts[name]):
                 self._again(each, lines)
-        lines[name] = f"{load}  {name} = {text}"
-
-
-def _type(text: str) -> str:
-    """Result type of an instruction: double or a vector of doubles."""
-    found = _VECTOR.search(text)
-    if found is None or text.startswith("extractelement"):
-        return "double"
-    return found[0]
+            lines[name] = f"  {name} = {self.texts[name]}"

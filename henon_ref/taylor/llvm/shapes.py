@@ -31,7 +31,7 @@ class Shape:
     integrals: tuple[tuple[int, int, Factors], ...] = ()
     """Leaves that are integrals of other states: (leaf, other state, rate)."""
     in_vectors: bool = False
-    """Whether the convolution uses the lanes of vectors."""
+    """Whether straight-line code computes the convolution in the lanes of vectors, that is in another order."""
 
     @property
     def degree(self) -> int:

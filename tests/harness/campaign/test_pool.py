@@ -242,6 +242,16 @@ def test_all_die_with_a_killed_caller(tmp_path, begin):
     wait_until(lambda: all(map(gone, members)))
 
 
+def test_a_worker_that_begins_afresh_ends_with_a_killed_caller(tmp_path):
+    notes = tmp_path / "pids"
+    path = script(tmp_path, "", f'run([Act("hang", 60.0, {str(notes)!r})])')
+    caller = subprocess.Popen([sys.executable, str(path)], env={**os.environ, "HENON_REF_START": "spawn"})
+    wait_until(lambda: len(noted(notes)) == 1)
+    caller.kill()
+    caller.wait()
+    wait_until(lambda: all(map(gone, noted(notes))))
+
+
 def test_the_command_s_server_has_imported_what_workers_need_and_is_as_good(tmp_path):
     """The command itself has imported nothing of it."""
     code = """

@@ -18,6 +18,11 @@ def test_an_unknown_solver_is_refused_with_the_nearest_name():
         compare(case(), solvers=["henn"])
 
 
+def test_an_unknown_argument_is_refused_with_the_nearest_name():
+    with pytest.raises(HenonRefError, match="compare has no argument 'solver'; did you mean 'solvers'"):
+        compare(case(), solver=["henon"])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -141,6 +141,15 @@ def test_check_of_a_bad_file_is_one_message(tmp_path, monkeypatch, capsys, old, 
     assert words in captured.err
 
 
+@pytest.mark.parametrize("option", [["--json"], ["--gate"], ["--require", "henon"]])
+def test_check_is_refused_with_an_option_that_needs_results(tmp_path, capsys, option):
+    (tmp_path / "own.yaml").write_text(LEAVING_SLIDE)
+    assert run(tmp_path / "own.yaml", "--check", *option) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert f"--check: it runs no solver and has no result for {option[0]} " in captured.err
+
+
 def test_a_strangers_title_is_text_in_one_line(tmp_path, capsys):
     text = LEAVING_SLIDE.replace("title: Leaving a slide", "title: '[red]hot[/red] \u202e\u2066'")
     (tmp_path / "own.yaml").write_text(text, encoding="utf-8")

@@ -25,7 +25,7 @@ from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.text.model import mode_tape, operations
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.studies.page import shipped_problem
+from henon_ref.harness.studies.page import fitted, in_fresh_process, shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import ladder
 from henon_ref.harness.studies.price.chains import ManyContacts, Size, contact_table, many_contacts, sizes
@@ -44,7 +44,6 @@ from henon_ref.harness.studies.price.ladder import (
     why_not,
 )
 from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
-from henon_ref.harness.studies.price.measure import fitted, in_fresh_process
 from henon_ref.harness.studies.price.operations import BODIES, Body, Work, additions, count, work
 from henon_ref.harness.studies.price.page import write_page
 from henon_ref.jit.cache_folder import VARIABLE
@@ -90,7 +89,7 @@ def test_long_runs_hand_out_every_transition_and_keep_their_sticks() -> None:
 def test_powers_are_fitted_with_their_errors() -> None:
     def power(*walls: float) -> str:
         runs = [Horizon("a", 10.0 ** (k + 2), 1, wall, 0.0, 0.0) for k, wall in enumerate(walls)]
-        return fitted(runs, "a", "until", "wall_s", 1e3)
+        return fitted(runs, "until", "wall_s", 1e3)
 
     assert power(1.0, 2.0, 200.0, 20000.0) == "2.00 ± 0.00"  # the first one is before the smallest horizon
     error = math.log10(2) * math.sqrt(2 / 3) / math.sqrt(2)

@@ -21,7 +21,6 @@ from henon_ref.text import code, markdown
 ANY = None
 """Used instead of a number of digits: the run must be right, with any number of digits."""
 UNKNOWN = "kind not known"
-"""Kind of a reading whose report does not name it."""
 Key = tuple[str, str]
 """Case and reading."""
 
@@ -98,7 +97,7 @@ def choice_table(rows: Sequence[MatrixRow]) -> Table:
         every, timed = (len(readings_for(own, level)) for level in (ANY, LEVELS[0]))
         readings = f"{every}, {timed} timed" if 0 < timed < every else f"{every}"
         lines.append((kind, readings, *(_choice_cell(*choice(own, level)) for level in columns.values())))
-    return Table(("kind of case", "readings", *columns), "lr" + "l" * len(columns), lines)
+    return Table(("kind of case", "readings", *columns), "lrl", lines)
 
 
 def _choice_cell(first: Reach | None, other: Reach | None, longer: str) -> str:
@@ -195,7 +194,7 @@ def frequency_table(rows: Sequence[MatrixRow]) -> Table:
     cells.append(("all readings", "", "", f"{len(readings)}", *(f"{reached[level]}" for level in LEVELS)))
     cells.append(("of these, reached by another solver, too", *3 * ("",), *(f"{contested[level]}" for level in LEVELS)))
     headings = ("solver", "right in", "judged in", "run on", *(f"cheapest for {level} digits" for level in LEVELS))
-    return Table(headings, "l" + "r" * (len(headings) - 1), cells)
+    return Table(headings, "lr", cells)
 
 
 def coverage_sentence(rows: Sequence[MatrixRow]) -> str:

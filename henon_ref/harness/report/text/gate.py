@@ -149,4 +149,4 @@ def _solvers(rows: Results) -> Table:
         counts = (kinds["passed"], kinds["failure"] + kinds["error"], kinds["known"], kinds["skipped"])
         table.append((code(solver), *map(str, counts), digits(best)))
     headings = ("solver", "right", "fail", "fail as expected", "not run or not decidable", "most digits")
-    return Table(headings, "lrrrrr", table)
+    return Table(headings, "lr", table)

@@ -17,17 +17,15 @@ from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS, mapping
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
-from henon_ref.harness.rows import Row, RunRow
+from henon_ref.harness.rows import ReadingRow, RunRow
 from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
 from henon_ref.text import message
 
 
 @dataclass(frozen=True)
-class MatrixRow(Row):
+class MatrixRow(ReadingRow):
     """Summary of a solver on a reading over all settings; digits and times are rounded."""
 
-    case: str
-    reading: str
     kind: str | None
     """Kind of the reading (:func:`henon_ref.harness.score.reference.kind_of`)."""
     solver: str
@@ -48,10 +46,6 @@ class MatrixRow(Row):
     wall_12_s: float | None = None
     commit: str | None = None
     """Commit of the program that made the runs."""
-
-    @property
-    def problem(self) -> tuple[str, str]:
-        return self.case, self.reading
 
     def wall(self, digits: int | None) -> float | None:
         """Return the shortest time of a right run with a number of digits [s]; None: with any digits."""

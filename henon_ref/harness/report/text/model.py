@@ -11,7 +11,7 @@ from henon_ref.errors import ModelError
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.score.ranking import grouped
 from henon_ref.harness.table import Table
-from henon_ref.integrator.integrator import order_for
+from henon_ref.integrator.integrator import local_error, order_for
 from henon_ref.jit.ir_writer import count
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.latex import (
@@ -155,7 +155,7 @@ def effect_table(result: ReadingResult) -> tuple[Table, str] | None:
     scene = result.reading.scene
     if scene is None or not scene.connections:
         return None
-    order = order_for(0.1 * min(result.reading.tolerances))
+    order = order_for(local_error(min(result.reading.tolerances)))
     whole = _work(scene.system(), order)
     rows = []
     for label, numbers in _effects(scene):

@@ -153,7 +153,7 @@ def digits_table(readings: Mapping[str, Sequence[RunRow]]) -> Table:
         own = {solver: _digits(summary(runs)) for solver, runs in by_solver(rows).items()}
         transitions = next((row.reference_transitions for row in rows if row.reference_transitions is not None), None)
         lines.append((f"[{reading}](#{reading})", _count(transitions), *(own.get(solver, "") for solver in solvers)))
-    return Table(("reading", "transitions", *map(code, solvers)), "lr" + "r" * len(solvers), lines)
+    return Table(("reading", "transitions", *map(code, solvers)), "lr", lines)
 
 
 def _digits(row: MatrixRow) -> str:
@@ -190,7 +190,7 @@ def run_table(records: Sequence[Record]) -> Table:
         "solver", "setting", "status", "matched", "missed / spurious", "worst error [s]", "digits",
         "stick error [s]", "time (IQR)", "compile", "steps", "right-hand sides", "event functions",
     )  # fmt: skip
-    return Table(headings, "lrlrrrrrrrrrr", lines)
+    return Table(headings, "lrlr", lines)
 
 
 def _count(value: int | None) -> str:
@@ -224,16 +224,15 @@ def reason_table(rows: Sequence[RunRow]) -> Table | None:
 
     Settings of a solver with equal entries share a line.
     """
-    merged: dict[tuple[str, ...], list[str]] = {}
-    for row in rows:
-        if row.verdict == "right" or row.status in NOT_RUN:
-            continue
+
+    def cells(row: RunRow) -> tuple[str, ...]:
         verdict = ": ".join(markdown(part) for part in (row.verdict, row.verdict_basis) if part)
         cause = f"[{CAUSES[row.cause].title}](../causes/README.md#{row.cause})" if row.cause else ""
-        cells = (code(row.solver), row.status, markdown(row.status_reason or ""), verdict, cause)
-        merged.setdefault(cells, []).append(row.setting)
+        return code(row.solver), row.status, markdown(row.status_reason or ""), verdict, cause
+
+    alike = grouped((row for row in rows if row.verdict != "right" and row.status not in NOT_RUN), cells)
     headings = ("solver", "setting", "status", "reason", "verdict", "cause")
-    lines = [(cells[0], ", ".join(at), *cells[1:]) for cells, at in merged.items()]
+    lines = [(solver, ", ".join(row.setting for row in own), *rest) for (solver, *rest), own in alike.items()]
     return Table(headings, "lrllll", lines) if lines else None
 
 
@@ -258,7 +257,7 @@ def stick_table(records: Sequence[Record], result: ReadingResult) -> Table | Non
             cells.append("" if row is None else error(row.error_s))
             cells.append("" if row is None or row.length is None else f"{row.length:.9f}")
         rows.append(tuple(cells))
-    return Table(tuple(headings), "rl" + "r" * (len(headings) - 2), rows)
+    return Table(tuple(headings), "rlr", rows)
 
 
 def _unit(result: ReadingResult) -> str:

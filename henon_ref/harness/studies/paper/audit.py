@@ -37,16 +37,10 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-SMALL_STEP = 1e-5
-"""A step ten times smaller than the listing's, which shows the trend of the durations [s]."""
 STEPS = tuple(1e-3 / 10 ** (k / 6) for k in range(13))
 """Steps at which the listing as printed is drawn [s]."""
 ORDER_STEPS = tuple(0.03 / 1.3**k for k in range(20))
 """Steps over which orders are fitted [s]; their ratios are not integers, so that no grid contains another one."""
-FITTED = 10
-"""Number of the smallest errors above rounding to which an order is fitted."""
-ORDER_TRANSITIONS = 14
-"""Number of first transitions to which orders are fitted."""
 ROUNDING = 1e-11
 """Errors below this [s] are rounding and are left out of the fit."""
 CROSSING_START = (-0.0541, -1.0667)
@@ -55,8 +49,6 @@ SETTLED = 40.0
 """Sticks that start later than this [s] are on the attractor."""
 SLIVER = 0.1
 """Sticks shorter than this [s] are slivers; they do not count as sticks of an orbit."""
-EVERY = 80
-"""One step in this number of steps is drawn."""
 KINDS = (("longer stick", style.VERMILLION, "o", True), ("shorter stick", style.BLUE, "s", False))
 
 ADDED = (
@@ -147,7 +139,7 @@ def rms(errors: Floats | None) -> float:
 
 
 def order_of(defects: Collection[str], start: tuple[float, float] | None = None) -> float:
-    """Order in h of the first transition times, fitted to their root-mean-square errors.
+    """Order in h of the first 14 transition times, fitted to the ten smallest root-mean-square errors above rounding.
 
     NaN if the set has no limit, or too few steps give the limit's sequence of modes.
     """
@@ -155,11 +147,11 @@ def order_of(defects: Collection[str], start: tuple[float, float] | None = None)
     if limit == "none":
         return np.nan
     truth = truth_of(limit, start)
-    until = float(truth.times[ORDER_TRANSITIONS]) - 0.05
+    until = float(truth.times[14]) - 0.05
     runs = [(step, run_variant(defects, step=step, start=start, until=until)) for step in ORDER_STEPS]
-    errors = [(step, rms(matched(run, truth, ORDER_TRANSITIONS))) for step, run in runs]
+    errors = [(step, rms(matched(run, truth, 14))) for step, run in runs]
     found = [(step, error) for step, error in errors if error > ROUNDING]
-    return np.nan if len(found) < FITTED // 2 else fitted_order(*zip(*found[-FITTED:], strict=True))
+    return np.nan if len(found) < 5 else fitted_order(*zip(*found[-10:], strict=True))
 
 
 def durations(run: VariantRun) -> Floats:
@@ -194,7 +186,7 @@ def audit_row(family: str, name: str, defects: Collection[str]) -> AuditRow:
     """Run one of the :func:`sets`; floats are rounded to 10 digits."""
     run, limit = run_variant(defects), limit_of(defects)
     ended = run.status == "ok"
-    small = run_variant(defects, step=SMALL_STEP) if ended else run
+    small = run_variant(defects, step=PRINTED_STEP / 10) if ended else run  # shows the trend of the durations
     errors = None if limit == "none" else matched(run, truth_of(limit))
     brief = (run.modes[:-1] == 0) & (run.times[:-1] > SETTLED) & (np.diff(run.times) <= SLIVER)
     counts = (len(run.times), len(durations(run)), int(brief.sum())) if ended else (None,) * 3
@@ -250,7 +242,7 @@ def audit_table(rows: Iterable[AuditRow], beginning: str = "") -> Table:
         "mistake", "converges to", "status", "transitions", "sticks", "long [s]", "short [s]", "long, h/10",
         "short, h/10", "rms error [s]", "order", "order, crossings",
     )  # fmt: skip
-    return Table(headings, "lll" + "r" * 9, lines)
+    return Table(headings, "lllr", lines)
 
 
 def draw_audit() -> Figure:
@@ -266,7 +258,7 @@ def draw_audit() -> Figure:
         above, below = cast(Any, figure.subfigures(2, 1, height_ratios=(5, 7)))
         for ax, (title, defects) in zip(above.subplots(1, len(stages), sharey=True), stages.items(), strict=True):
             run = run_variant(defects, until=LATE + 2 * T, path_from=LATE)
-            path = run.path[::EVERY]
+            path = run.path[::80]
             modes = run.modes[np.searchsorted(run.times, path[:, 0], side="right") - 1]
             motion = Motion(path[:, 0], path[:, 1:], tuple((mode,) for mode in modes.tolist()))
             portrait(ax, fig8_equations().system, motion, (0, 1), label="_")

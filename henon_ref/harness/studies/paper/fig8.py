@@ -37,13 +37,9 @@ if TYPE_CHECKING:
 
 PUBLISHED_DURATIONS = (1.1746, 0.4161)
 PUBLISHED_LENGTHS = (0.4697, 0.1663)
-HALF_DIGIT = 0.5e-4
-"""Half a unit of the last printed digit."""
 BELT, T = float(FIG8_VALUES[VP]), float(PERIOD)
 LATE = 34 * T + 2.8
 """Start of the two periods that are drawn [s], between two sticks of the limit's orbit."""
-REPEATS = 40
-"""Number of orbits (two periods each) after which a run counts as periodic."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +67,8 @@ def listing_run(problem: Problem) -> tuple[Transition, ...]:
 
 
 def on_orbit(problem: Problem) -> tuple[Transition, ...]:
-    """Transitions of a run's last six periods of the forcing, when the run is periodic."""
-    end = 2 * REPEATS * PERIOD
+    """Transitions of a run in the last six of 80 periods of the forcing (40 orbits), when the run is periodic."""
+    end = 80 * PERIOD
     return tuple(
         t for t in reference(replace(problem, until=end)).transitions if float(end) - 6 * T < t.time < float(end)
     )
@@ -96,7 +92,7 @@ def section() -> Findings:
     every, limit = sticks(listing), limit_sticks()
     printed = every[0], every[-1]
     durations, lengths = (
-        all(abs(getattr(stick, name) - own) <= HALF_DIGIT for stick, own in zip(printed, published, strict=True))
+        all(abs(getattr(stick, name) - own) <= 0.5e-4 for stick, own in zip(printed, published, strict=True))
         for name, published in (("duration", PUBLISHED_DURATIONS), ("length", PUBLISHED_LENGTHS))
     )
     turns = sorted(t.state[0] for t in [t for t in listing if t.kind == "crossing"][-2:])

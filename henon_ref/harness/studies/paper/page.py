@@ -13,6 +13,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from ruamel.yaml import YAML
 
+from henon_ref.commands import status_line
 from henon_ref.harness.studies.page import write
 from henon_ref.harness.studies.paper import audit, equations, fig8, section3, section5
 from henon_ref.harness.studies.paper.systems import Findings
@@ -63,7 +64,7 @@ def run_paper(request: StudyRequest) -> StudyResult:
     figures: dict[str, Figure] = {}
     files: dict[str, str] = {}
     for section in read_sections():
-        request.show(section["title"])
+        status_line.show(section["title"])
         found = SECTIONS[section["of"]]()
         claims += claims_of(section, found)
         shown.append({"title": section["title"], "text": text_of(section, found)})

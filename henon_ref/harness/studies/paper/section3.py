@@ -13,7 +13,7 @@ from henon_ref.analysis.tangent import TangentAnalysis
 from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, plane_of
-from henon_ref.harness.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of
+from henon_ref.harness.studies.paper.audit import ORDER_STEPS, ROUNDING, order_of, rms
 from henon_ref.harness.studies.paper.systems import (
     FIG4_VALUES,
     POSITION,
@@ -37,12 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BELT = float(FIG4_VALUES[VP])
-OFFSETS = (sp.Rational(-1, 5), sp.Rational(1, 5))
-"""Differences of the starts from the belt's speed [m/s]; the paper does not print its starts."""
 HORIZON = 60
 """Horizon of the fan's runs [s]."""
-DRAWN = 25
-"""Time up to which the runs are drawn, in addition to their final orbit [s]."""
 
 
 def fan_findings() -> Findings:
@@ -52,7 +48,8 @@ def fan_findings() -> Findings:
     """
     analysis = TangentAnalysis(section_2(FIG4_VALUES), POSITION)
     points = analysis.tangent_points()
-    starts = [(p.position, FIG4_VALUES[VP] + offset) for p in points for offset in OFFSETS]
+    apart = sp.Rational(1, 5)  # the paper does not print its starts
+    starts = [(p.position, FIG4_VALUES[VP] + offset) for p in points for offset in (-apart, apart)]
     problems = [Problem(analysis.system, sp.Integer(0), start, sp.Integer(HORIZON)) for start in starts]
     runs, motions = zip(*(sampled(problem, 0, HORIZON) for problem in problems), strict=True)
     last = runs[0].transitions[-3:]
@@ -92,8 +89,8 @@ def rk4_order(problem: Problem) -> float:
     found = []
     for step in ORDER_STEPS[2:16]:
         times = np.array([t.time for t in RK4.prepare(problem, step=step)().transitions])
-        if len(times) == len(truth) and (rms := float(np.sqrt(np.mean((times - truth) ** 2)))) > ROUNDING:
-            found.append((step, rms))
+        if len(times) == len(truth) and (error := rms(times - truth)) > ROUNDING:
+            found.append((step, error))
     return fitted_order(*zip(*found, strict=True))
 
 
@@ -121,7 +118,7 @@ def draw_fig4(analysis: TangentAnalysis, motions: Sequence[Motion], period: floa
         axes = figure.subplots(2, 1, height_ratios=(3, 2))
         for ax in axes:
             for k, motion in enumerate(motions):
-                colour, drawn = colours[k // 2], motion.times < DRAWN
+                colour, drawn = colours[k // 2], motion.times < 25
                 ax.plot(*motion.states[drawn].T, color=colour, lw=0.6)
                 ax.plot(*motion.states[0], marker="s", ms=3, color=colour, zorder=4)
                 for label, piece in plane.pieces(motion.modes):

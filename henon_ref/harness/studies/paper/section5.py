@@ -9,13 +9,13 @@ and Schmidt).
 The samples lie on the attractor and therefore contain the stretching of directions *along* it only. If the dimension
 of the attractor is below that of the state space (a curve, a torus), the second sum has no inverse: its small
 eigenvalues measure the curvature of the attractor, not another direction. Eigenvectors below a cutoff are left out.
-The exponents of the missing directions are then rounding noise; :attr:`TimeSeriesSpectrum.directions` is the number of
-directions in the samples.
+The exponents of the missing directions are then rounding noise; :attr:`Measured.directions` is the number of directions
+in the samples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,34 +37,7 @@ from henon_ref.harness.studies.paper.equations import rig_equations
 from henon_ref.harness.studies.paper.systems import Findings
 from henon_ref.harness.table import Table
 from henon_ref.taylor.tape import TIME
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Settings of the estimate; no values are right for all samples."""
-
-    radius: float
-    """Radius of the ball, relative to the size of the set (root-mean-square distance from the mean)."""
-    delay: int
-    """Number d of samples between a distance and its image, and between two reference points."""
-    least: int = 12
-    """Smallest number of neighbours; a ball with fewer is widened."""
-    theiler: int = 25
-    """Samples within this number of samples in time are not neighbours (Theiler 1986): they are on the same piece of
-    orbit."""
-    cutoff: float = 0.02
-    """A direction is left out if the neighbours' spread in it is below this part of their largest spread."""
-
-
-@dataclass(frozen=True)
-class TimeSeriesSpectrum:
-    """An estimate of all Lyapunov exponents from samples."""
-
-    exponents: tuple[float, ...]
-    """The n exponents [1/s], in the order of the basis vectors (largest first, up to statistical noise)."""
-    directions: float
-    """Mean number of directions that the neighbours span; the samples determine only this number of exponents."""
-
+from henon_ref.trajectory import sticks
 
 SETS = {
     "periodic": ("rig_periodic",),
@@ -77,18 +50,17 @@ SINCE, SPAN, SAMPLES = 3000, 9000, 45001
 INTERVAL = SPAN / (SAMPLES - 1)
 LONG = 10_000.0
 """Time over which the variational exponents are averaged."""
-SETTINGS = Settings(radius=0.05, delay=5)
+RADIUS, DELAY = 0.05, 5
+"""Settings of the estimate, see :func:`estimated`."""
+LEAST, APART = 12, 25
+"""Smallest number of neighbours (a ball with fewer is widened), and distance in samples up to which two samples are not
+neighbours, since they are on the same piece of orbit (Theiler 1986)."""
 ZERO = 5e-4
 """An exponent whose average over ``LONG`` is below this counts as zero."""
-SIGNIFICANT = 5.0
-"""Number of standard errors by which a positive exponent must exceed zero. (The digits of a chaotic orbit depend on the
-machine.)"""
 LOWEST = -60.0
 """Bottom of the figure's axis of exponents [1/s]."""
 PERIOD = 8.8604442
 """Period of the rig at vp = 0.40."""
-SETTLED = 30
-"""Horizon of the moving belt's run, as a multiple of the case's horizon."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +72,10 @@ class Measured:
     spectrum: Spectrum
     samples: NDArray[np.float64]
     """States, shape (45001, 4)."""
-    series: TimeSeriesSpectrum
+    estimates: Sequence[float]
+    """Exponents by the samples [1/s], largest first up to statistical noise."""
+    directions: float
+    """Mean number of directions that neighbours span; the samples determine only this number of exponents."""
 
     @property
     def zeros(self) -> int:
@@ -116,20 +91,19 @@ def measured(kind: str) -> Measured:
     longer = replace(problem, until=sp.Integer(SINCE + SPAN))
     run = HENON_SOLVER.prepare(longer, rtol=1e-12, sample_times=times)()
     assert run.samples is not None
-    series = time_series_spectrum(run.samples, INTERVAL, SETTINGS)
-    return Measured(f"{float(problem.initial[1]):.2f}", spectrum, run.samples, series)
+    return Measured(f"{float(problem.initial[1]):.2f}", spectrum, run.samples, *estimated(run.samples))
 
 
 def section() -> Findings:
     """Check the claims of Sections 5 and 6, and draw their figures."""
     sets = {kind: measured(kind) for kind in SETS}
     periodic, quasi_periodic, chaotic = sets.values()
-    largest, estimate = chaotic.spectrum.exponents[0], max(chaotic.series.exponents)
+    largest, estimate = chaotic.spectrum.exponents[0], max(chaotic.estimates)
     deviation = chaotic.spectrum.standard_errors[0]
     periods, belt, equations = _periods(), moving_belt(), rig_equations()
     signs = (
-        abs(max(periodic.series.exponents)) < 10 * ZERO
-        and sorted(map(abs, quasi_periodic.series.exponents))[1] < 10 * ZERO
+        abs(max(periodic.estimates)) < 10 * ZERO
+        and sorted(map(abs, quasi_periodic.estimates))[1] < 10 * ZERO
         and estimate > 10 * ZERO
     )
     return Findings(
@@ -142,7 +116,8 @@ def section() -> Findings:
             and all(abs(period - PERIOD) < 1e-7 for period in periods)
             and abs(periods[0] - periods[1]) < 1e-11,
             "quasi_periodic": quasi_periodic.zeros == 2,
-            "chaotic": largest > SIGNIFICANT * deviation and chaotic.zeros == 1,
+            # Five standard errors, since the digits of a chaotic orbit depend on the machine.
+            "chaotic": largest > 5.0 * deviation and chaotic.zeros == 1,
             "lost": all(own.spectrum.lost == 1 for own in sets.values()),
         },
         {
@@ -150,8 +125,8 @@ def section() -> Findings:
             **belt.values,
             "exponents": exponent_table(sets).markdown,
             "periods": periods,
-            "radius": SETTINGS.radius,
-            "delay": SETTINGS.delay,
+            "radius": RADIUS,
+            "delay": DELAY,
             "estimate": estimate,
             "largest": largest,
             "deviation": deviation,
@@ -176,13 +151,13 @@ def exponent_table(sets: dict[str, Measured]) -> Table:
     """Table of the exponents by the equations and by the samples."""
     lines = []
     for kind, found in sets.items():
-        own, series = found.spectrum, found.series
+        own = found.spectrum
         exact = ", ".join(f"{e:.4f}" for e in own.exponents[: 4 - own.lost])
-        estimated = ", ".join(f"{e:.3g}" for e in sorted(series.exponents, reverse=True))
+        estimates = ", ".join(f"{e:.3g}" for e in sorted(found.estimates, reverse=True))
         stuck = f"{100 * own.stick_fraction:.0f} %"
-        lines.append((kind, found.speed, f"{exact}, -inf", f"{own.lost}", stuck, estimated, f"{series.directions:.2f}"))
+        lines.append((kind, found.speed, f"{exact}, -inf", f"{own.lost}", stuck, estimates, f"{found.directions:.2f}"))
     headings = ("motion", "vp", "from the equations", "lost", "in sticks", "from the samples", "directions seen")
-    return Table(headings, "l" * 7, lines)
+    return Table(headings, "l", lines)
 
 
 def draw_motions(sets: dict[str, Measured]) -> Figure:
@@ -203,16 +178,15 @@ def draw_estimate(chaotic: Measured) -> Figure:
     """Draw the estimate for the chaotic motion over radius, delay and number of samples."""
     every, radii, delays = chaotic.samples, (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4), (1, 2, 5, 10, 20, 50, 100)
     lengths = (1500, 3000, 6000, 12000, 24000, SAMPLES)
-    sweeps: dict[str, dict[float, tuple[NDArray[np.float64], Settings]]] = {
-        "radius / size of the set": {r: (every, replace(SETTINGS, radius=r)) for r in radii},
-        "delay [samples of 0.2]": {d: (every, replace(SETTINGS, delay=d)) for d in delays},
-        "number of samples": {n: (every[:n], SETTINGS) for n in lengths},
+    sweeps: dict[str, dict[float, Sequence[float]]] = {
+        "radius / size of the set": {r: estimated(every, radius=r)[0] for r in radii},
+        "delay [samples of 0.2]": {d: estimated(every, delay=d)[0] for d in delays},
+        "number of samples": {n: estimated(every[:n])[0] for n in lengths},
     }
     with style.figure(3.6) as figure:
         axes = figure.subplots(2, 3, sharex="col", sharey="row", height_ratios=(3, 1))
-        for column, (label, runs) in enumerate(sweeps.items()):
-            spectra = [time_series_spectrum(samples, INTERVAL, own).exponents for samples, own in runs.values()]
-            _draw_sweep(axes[0, column], axes[1, column], list(runs), spectra)
+        for column, (label, spectra) in enumerate(sweeps.items()):
+            _draw_sweep(axes[0, column], axes[1, column], spectra)
             axes[1, column].set(xlabel=label, xscale="log")
             axes[1, column].xaxis.set_minor_formatter(NullFormatter())
             for e in chaotic.spectrum.exponents[:-1]:
@@ -224,8 +198,8 @@ def draw_estimate(chaotic: Measured) -> Figure:
     return figure
 
 
-def _draw_sweep(upper: Axes, lower: Axes, values: Sequence[float], spectra: Sequence[Sequence[float]]) -> None:
-    ordered = np.array([sorted(s, reverse=True) for s in spectra])
+def _draw_sweep(upper: Axes, lower: Axes, spectra: Mapping[float, Sequence[float]]) -> None:
+    values, ordered = list(spectra), np.array([sorted(own, reverse=True) for own in spectra.values()])
     colours = (style.VERMILLION, style.BLUE, style.GREEN)
     for i, (colour, marker) in enumerate(zip(colours, "osD", strict=True)):
         upper.plot(values, ordered[:, i], marker=marker, color=colour, label=f"$\\lambda_{i + 1}$")
@@ -235,7 +209,7 @@ def _draw_sweep(upper: Axes, lower: Axes, values: Sequence[float], spectra: Sequ
 def moving_belt() -> Findings:
     """Run the block on the moving belt with ``henon`` and ``heyoka``, and compare the runs."""
     problem = shipped_problem("moving_belt")
-    problem = replace(problem, until=SETTLED * problem.until)
+    problem = replace(problem, until=30 * problem.until)  # long enough to settle
     times = np.linspace(0.0, float(problem.until), 40001)[:-1]
     run = HENON_SOLVER.prepare(problem, rtol=1e-13, sample_times=times)()
     other = solver("heyoka").prepare(problem, rtol=1e-13, atol=1e-13)()
@@ -244,46 +218,49 @@ def moving_belt() -> Findings:
     stuck = np.ravel(run.sample_modes) == 0
     (x2,), (surface,) = problem.system.states[1:], map(problem.system.numeric, problem.system.surfaces)
     belt = sp.lambdify(TIME, x2 - surface)(times)
-    starts = [t.time for t in run.transitions if t.kind == "stick"]
-    ends = [t.time for t in run.transitions if t.kind == "release"]
-    lengths = [next(end for end in ends if end > start) - start for start in starts if start < ends[-1]]
+    last = [stick.duration for stick in sticks(run.transitions, start=0.0, after=0.0)[-2:]]
     apart = largest_time_difference(run, other)
     drift = float(np.abs(run.samples[stuck, 1] - belt[stuck]).max())
     return Findings(
         {"moving_belt": run.status == "ok" and apart < 1e-10 and drift < 1e-12},
-        {"belt_transitions": len(run.transitions), "apart": apart, "drift": drift, "settled": sorted(lengths[-2:])},
+        {"belt_transitions": len(run.transitions), "apart": apart, "drift": drift, "settled": sorted(last)},
     )
 
 
-def time_series_spectrum(samples: NDArray[np.float64], interval: float, settings: Settings) -> TimeSeriesSpectrum:
-    """Estimate the Lyapunov exponents of a flow from samples.
+def estimated(samples: NDArray[np.float64], *, radius: float = RADIUS, delay: int = DELAY) -> tuple[list[float], float]:
+    """Estimate the Lyapunov exponents of a flow from samples; no radius and delay are right for all samples.
 
     Parameters
     ----------
     samples : ndarray, shape (k, n)
-        States at equal intervals of time.
-    interval : float
-        Time between two samples [s].
-    settings : Settings
+        States at intervals of :data:`INTERVAL`.
+    radius : float
+        Radius of the ball of neighbours, relative to the size of the set (root-mean-square distance from the mean).
+    delay : int
+        Number d of samples between a distance and its image, and between two reference points.
+
+    Returns
+    -------
+    exponents : list of float
+        The n exponents [1/s], in the order of the basis vectors (largest first, up to statistical noise).
+    directions : float
+        Mean number of directions that the neighbours span.
 
     Raises
     ------
     ModelError
-        If samples are not finite, or too few for the settings.
+        If samples are not finite.
     """
     samples = np.ascontiguousarray(samples, dtype=float)
     if not np.isfinite(samples).all():
         raise ModelError("samples with gaps: the trajectory ended before the last sample time")
-    count, n = samples.shape
-    if count - settings.delay < 2 * settings.theiler + 1 + settings.least or settings.least <= n:
-        raise ModelError(f"{count} samples are too few for {settings}, or 'least' is not above {n} states")
-    spread, moved = _moments(samples, settings)
+    spread, moved = _moments(samples, radius, delay)
     values, axes = np.linalg.eigh(spread)
-    kept = values > settings.cutoff**2 * values[:, -1:]
+    kept = values > 0.02**2 * values[:, -1:]  # other directions have less than 2 % of the largest spread
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     maps = moved @ (axes * inverse[:, None, :]) @ axes.transpose(0, 2, 1)
-    exponents = _growth(maps) / (settings.delay * interval)
-    return TimeSeriesSpectrum(tuple(exponents.tolist()), float(kept.sum(axis=1).mean()))
+    exponents = _growth(maps) / (delay * INTERVAL)
+    return exponents.tolist(), float(kept.sum(axis=1).mean())
 
 
 def _growth(maps: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -297,31 +274,33 @@ def _growth(maps: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.log(np.abs(diagonals)).mean(axis=0)
 
 
-def _moments(samples: NDArray[np.float64], settings: Settings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _moments(
+    samples: NDArray[np.float64], radius: float, delay: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute both sums of Eq. (25), sum y_k y_k^T and sum y_{k+d} y_k^T, at every reference point, shape (r, n, n)."""
-    radius = settings.radius * float(np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    last = len(samples) - settings.delay
-    references = np.arange(0, last, settings.delay)
+    radius *= float(np.sqrt(((samples - samples.mean(axis=0)) ** 2).sum(axis=1).mean()))
+    last = len(samples) - delay
+    references = np.arange(0, last, delay)
     tree = cKDTree(samples[:last])
     sums = []
     # Parts of so many reference points bound the memory of their neighbours.
     for some in np.array_split(references, -(-len(references) // 2048)):
         near = tree.query_ball_point(samples[some], radius)
-        neighbours = [_separated_in_time(found, at, settings) for found, at in zip(near, some.tolist(), strict=True)]
-        narrow = [j for j, found in enumerate(neighbours) if len(found) < settings.least]
+        neighbours = [_separated_in_time(found, at) for found, at in zip(near, some.tolist(), strict=True)]
+        narrow = [j for j, found in enumerate(neighbours) if len(found) < LEAST]
         if narrow:
-            _, ranked = tree.query(samples[some[narrow]], k=settings.least + 2 * settings.theiler + 1)
+            _, ranked = tree.query(samples[some[narrow]], k=LEAST + 2 * APART + 1)
             for j, found in zip(narrow, ranked, strict=True):
-                neighbours[j] = _separated_in_time(found, some[j], settings)[: settings.least]
+                neighbours[j] = _separated_in_time(found, some[j])[:LEAST]
         which = np.repeat(np.arange(len(some)), list(map(len, neighbours)))
         index, at = np.concatenate(neighbours), some[which]
-        y, z = ((samples[index + k] - samples[at + k]).T for k in (0, settings.delay))
+        y, z = ((samples[index + k] - samples[at + k]).T for k in (0, delay))
         sums.append([[[np.bincount(which, u * v) for v in y] for u in left] for left in (y, z)])
     spread, moved = np.concatenate(sums, axis=-1).transpose(0, 3, 1, 2)
     return spread, moved
 
 
-def _separated_in_time(found: list[int] | NDArray[np.intp], at: int, settings: Settings) -> NDArray[np.int64]:
+def _separated_in_time(found: list[int] | NDArray[np.intp], at: int) -> NDArray[np.int64]:
     """Return the samples that are not close in time to a reference point."""
     index = np.asarray(found, dtype=np.int64)
-    return index[np.abs(index - at) > settings.theiler]
+    return index[np.abs(index - at) > APART]

@@ -18,33 +18,26 @@ from henon_ref.figures import style
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import Turns, interleaved, timed
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.page import largest_time_difference, shipped_problem
+from henon_ref.harness.score.ranking import by_solver, grouped
+from henon_ref.harness.studies.page import draw_line, finish, fitted, largest_time_difference, shipped_problem
 from henon_ref.harness.studies.pairs import FIRST, own_part
-from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, problem_of
 from henon_ref.harness.table import Table, duration
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.solver import Run, Solver
 from henon_ref.text import code
 from henon_ref.trajectory import Trajectory
 
-BLOCKS = (1, 2, 4, 8, 16, 32, 64)
-SOLVERS = ("henon", "heyoka", "scipy-dop853")
 RTOL = 1e-12
 ROUNDS = 20
-AGREED = 1e-9
-"""Largest difference of two solvers' transition times [s] and end states at which their times are compared."""
-MANY = 16
-"""Smallest number of states at which powers are fitted."""
-SLOW, FAST = 0.2, 5.0
-"""Velocity of the belt, and a velocity that no block reaches [m/s]."""
 HORIZON = 20.0
 """Horizon of the runs without a transition, and of those from random initial states [s]."""
 BELT = 0.5
 """Velocity of the belt in runs from random initial states [m/s]."""
-BY_HAND_RTOL, BY_HAND_AGREED = 1e-9, 1e-6
-"""Tolerance of these runs, and largest difference of transition times [s] at which SciPy's wall time is reported."""
+BY_HAND_RTOL = 1e-9
+"""Tolerance of these runs."""
 
 
 @dataclass(frozen=True)
@@ -106,18 +99,22 @@ def chain(blocks: int, belt: float) -> System:
     )
 
 
-def chain_problem(blocks: int, *, belt: float = SLOW, until: float | None = None) -> Problem:
+def chain_problem(blocks: int, *, belt: float = 0.2, until: float | None = None) -> Problem:
     """Make the problem of a chain that starts at rest, with all initial positions different.
 
-    ``until`` is the horizon [s]. The default horizon has seven to sixteen transitions, each to a new mode.
+    ``belt`` is the belt's velocity [m/s], and ``until`` the horizon [s]. The default horizon has seven to sixteen
+    transitions, each to a new mode.
     """
     golden = (math.sqrt(5) - 1) / 2  # its multiples modulo 1 spread the positions evenly, without repetition
     initial = {name: value for i in range(1, blocks + 1) for name, value in ((f"x{i}", i * golden % 1), (f"v{i}", 0))}
     horizon = 40.0 * blocks**-1.4 if until is None else until
-    return problem_of(chain(blocks, belt), {name: f"{x:.6f}" for name, x in initial.items()}, f"{horizon:.6f}")
+    start = {name: f"{x:.6f}" for name, x in initial.items()}
+    return problem_of(chain(blocks, belt), start, until=f"{horizon:.6f}")[1]
 
 
-def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> list[Size]:
+def sizes(
+    blocks: Sequence[int] = (1, 2, 4, 8, 16, 32, 64), solvers: Sequence[str] = ("henon", "heyoka", "scipy-dop853")
+) -> list[Size]:
     """Time every solver on every chain, with and without transitions, in interleaved runs."""
     found = []
     # Import and compile everything that chains of all lengths share.
@@ -128,7 +125,8 @@ def sizes(blocks: Sequence[int] = BLOCKS, solvers: Sequence[str] = SOLVERS) -> l
     for count in blocks:
         problem = chain_problem(count)
         ready, runs, times = _timed(problem, solvers)
-        _, smooth_runs, smooth_times = _timed(chain_problem(count, belt=FAST, until=HORIZON), solvers)
+        no_contact = chain_problem(count, belt=5.0, until=HORIZON)  # no block reaches this velocity
+        _, smooth_runs, smooth_times = _timed(no_contact, solvers)
         ends, smooth_ends = ({name: run() for name, run in own.items()} for own in (runs, smooth_runs))
         for name in solvers:
             part = own_part(name, runs[name], partial(_prepared, problem=problem), rounds=ROUNDS)
@@ -169,16 +167,17 @@ def _timed(problem: Problem, solvers: Sequence[str]) -> tuple[dict[str, float], 
 
 
 def _agree(first: Trajectory, other: Trajectory) -> bool:
+    """Check whether transition times [s] and end states differ by at most 1e-9, so that wall times are comparable."""
     ends = zip(first.end_state, other.end_state, strict=True)
-    return largest_time_difference(first, other) <= AGREED and all(abs(a - b) <= AGREED for a, b in ends)
+    return largest_time_difference(first, other) <= 1e-9 and all(abs(a - b) <= 1e-9 for a, b in ends)
 
 
 def size_table(found: Sequence[Size]) -> Table:
     """Table of the times of runs with and without transitions, and of preparation, over the number of states."""
-    solvers = list(dict.fromkeys(size.solver for size in found))
+    solvers = list(by_solver(found))
     lines: list[tuple[str, ...]] = []
-    for states in dict.fromkeys(own.states for own in found):
-        own = {size.solver: size for size in found if size.states == states}
+    for states, rows in grouped(found, lambda size: size.states).items():
+        own = {size.solver: size for size in rows}
         runs, smooth, ready = (
             [duration(getattr(own[s], column)) if own[s].agrees else "other result" for s in solvers]
             for column in ("wall_s", "smooth_s", "ready_s")
@@ -195,7 +194,7 @@ def size_table(found: Sequence[Size]) -> Table:
         "states", "transitions", *(f"run, {n}" for n in names), "`henon` / `heyoka`", "run, calls of `heyoka` alone",
         *(f"without transitions, {n}" for n in names), "`henon` / `heyoka`", *(f"preparation, {n}" for n in names),
     )  # fmt: skip
-    return Table(headings, "r" * len(headings), lines)
+    return Table(headings, "r", lines)
 
 
 def draw_sizes(found: Sequence[Size]) -> Figure:
@@ -204,15 +203,14 @@ def draw_sizes(found: Sequence[Size]) -> Figure:
         "per_second": (1e3, "wall time of a simulated second [ms]"),
         "ready_s": (1.0, "wall time of the preparation [s]"),
     }
-    solvers = dict.fromkeys(own.solver for own in found)
-    powers = {solver: [fitted(found, solver, "states", column, MANY) for column in columns] for solver in solvers}
+    solvers = by_solver(found)
+    powers = {solver: [fitted(own, "states", name, since=16) for name in columns] for solver, own in solvers.items()}
     ticks = sorted({size.states for size in found})
     with style.figure(3.2) as figure:
         panels = figure.subplots(1, 2)
         for k, (column, (unit, words)) in enumerate(columns.items()):
             for solver, fits in powers.items():
-                own = [size for size in found if size.solver == solver and size.agrees]
-                points = [(size.states, unit * getattr(size, column)) for size in own]
+                points = [(size.states, unit * getattr(size, column)) for size in solvers[solver] if size.agrees]
                 draw_line(panels[k], style.line_of(solver), points, f"{solver}: ~ states^({fits[k]})")
             panels[k].set_xticks(ticks, [str(tick) for tick in ticks], minor=False)
             panels[k].set_xticks([], minor=True)
@@ -239,7 +237,7 @@ def many_contacts(blocks: int) -> ManyContacts:
     exact = run(until=HORIZON).transitions["time_s"].to_numpy()
     times: list[float] = []
     by_hand = timed(lambda: times.extend(switching_by_hand(2 * x, v)))
-    agrees = len(times) == len(exact) and bool(np.abs(exact - times).max() <= BY_HAND_AGREED)
+    agrees = len(times) == len(exact) and bool(np.abs(exact - times).max() <= 1e-6)
     return ManyContacts(blocks, len(exact), new, median(again), by_hand if agrees else None)
 
 
@@ -285,4 +283,4 @@ def contact_table(found: Sequence[ManyContacts]) -> Table:
     for own in found:
         by_hand = "other result" if own.by_hand_s is None else duration(own.by_hand_s)
         lines.append((f"{own.blocks}", f"{own.transitions}", duration(own.new_s), duration(own.again_s), by_hand))
-    return Table(headings, "rrrrr", lines)
+    return Table(headings, "r", lines)

@@ -18,7 +18,8 @@ from henon_ref.figures import style
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.price.measure import draw_line, finish, fitted, in_fresh_process
+from henon_ref.harness.score.ranking import by_solver
+from henon_ref.harness.studies.page import draw_line, finish, fitted, in_fresh_process
 from henon_ref.harness.table import Table, duration, error
 from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.records import HENON
@@ -38,16 +39,10 @@ STICKS = (1.17430046762285, 0.41641643691198)
 """Durations of the sticks of the periodic orbit of Fig. 8's `listing_limit` [s], certified by Krawczyk's test."""
 SETTLED = 500.0
 """Time after which the influence of the start is below rounding [s] (the orbit's multiplier is 0.4 per period)."""
-SHORT = 5.0
-"""Runs shorter than this wall time [s] are made three times."""
-LONG = 1e3
-"""Smallest horizon at which the power of the growth is fitted [s]."""
 BOUND = 1e-11
 """Largest allowed error of a stick in a run of a million seconds [s]."""
-LAST = 20
-"""Number of last sticks that are compared with the certified ones."""
 SEEN = 400
-"""Number of last transitions among which these sticks are found."""
+"""Number of last transitions in which 20 complete sticks are found."""
 _STICK, _RELEASE = 0, 1
 _Transition = tuple[tuple[float, float], int | None]
 """Time in two parts [s], and kind, of a transition."""
@@ -96,11 +91,11 @@ def horizons_of(solver: str, problem: Problem, horizons: Sequence[float]) -> lis
 
 
 def _measured(solver: str, until: float, run: Callable[[], Ended]) -> Horizon:
-    """Measure a run."""
+    """Measure a run; one that is shorter than five seconds is made three times."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     ends: list[Ended] = []
     times: list[float] = []
-    while len(times) < 3 and (not times or times[0] < SHORT):
+    while len(times) < 3 and (not times or times[0] < 5.0):
         times.append(timed(lambda: ends.append(run())))
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     transitions, last = ends[-1]
@@ -110,7 +105,7 @@ def _measured(solver: str, until: float, run: Callable[[], Ended]) -> Horizon:
             since = high, low
         elif kind == _RELEASE and since is not None:
             sticks.append((high - since[0]) + (low - since[1]))
-    found = np.array(sticks[-LAST:])
+    found = np.array(sticks[-20:])
     error = np.min([np.abs(found - exact) for exact in STICKS], axis=0).max() if until >= SETTLED else np.nan
     return Horizon(solver, until, transitions, median(times), grown, float(error))
 
@@ -159,17 +154,17 @@ def growth_table(found: Sequence[Horizon]) -> Table:
         "solver", "horizon", "transitions", "wall time", "time per transition", "growth of peak memory",
         "error of the last sticks",
     )  # fmt: skip
-    return Table(headings, "lrrrrrr", lines)
+    return Table(headings, "lr", lines)
 
 
 def draw_growth(found: Sequence[Horizon]) -> Figure:
     """Draw the time per transition and the error of the last sticks over the horizon, for every solver."""
-    solvers = dict.fromkeys(own.solver for own in found)
-    powers = {solver: fitted(found, solver, "until", "wall_s", LONG) for solver in solvers}
+    solvers = by_solver(found)
+    powers = {solver: fitted(own, "until", "wall_s", since=1e3) for solver, own in solvers.items()}
     with style.figure(3.0) as figure:
         times, errors = figure.subplots(1, 2, sharex=True)
         for solver, fit in powers.items():
-            own = [run for run in found if run.solver == solver]
+            own = solvers[solver]
             settled = [(run.until, max(run.stick_error_s, 1e-16)) for run in own if not math.isnan(run.stick_error_s)]
             points, look = [(run.until, 1e6 * run.per_transition_s) for run in own], style.line_of(solver)
             draw_line(times, look, points, f"{solver}: run ~ horizon^({fit})")

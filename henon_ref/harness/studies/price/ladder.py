@@ -20,11 +20,10 @@ from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import timed
 from henon_ref.harness.figures import label_column
 from henon_ref.harness.result_files import csv_text
-from henon_ref.harness.rows import Row, RunRow, number
+from henon_ref.harness.rows import ReadingRow, RunRow, number
 from henon_ref.harness.score.ranking import LEVELS, by_solver, reaching, readings_of, right
-from henon_ref.harness.studies.page import rows_of, title
+from henon_ref.harness.studies.page import draw_line, in_fresh_process, rows_of, title
 from henon_ref.harness.studies.pairs import FIRST, SECOND, PairedTiming, PairRow, TimedPair, bound, pairs_of, time_pairs
-from henon_ref.harness.studies.price.measure import draw_line, in_fresh_process
 from henon_ref.harness.table import Table, duration, significant
 from henon_ref.modes.problem import Problem
 from henon_ref.text import code
@@ -49,8 +48,6 @@ COUNTS = {
     "steps": "steps",
 }
 """Columns for the axis of cost, with their labels."""
-READY_DIGITS = 9
-"""Digits of the worst transition for which preparation times are measured."""
 AGAINST = {
     FIRST: ("heyoka", "scipy-dop853"),
     "heyoka": ("scipy-dop853",),
@@ -64,11 +61,9 @@ AGAINST = {
 
 
 @dataclass(frozen=True)
-class Ready(Row):
+class Ready(ReadingRow):
     """Preparation times of one solver on one reading."""
 
-    case: str
-    reading: str
     solver: str
     rtol: float
     wall_s: float
@@ -172,7 +167,7 @@ def whole_table(rows: Sequence[RunRow], pairs: Sequence[PairRow]) -> Table:
         lines.append((code(solver), *cells))
         if solver == SECOND and any(ALONE in own for own in means.values()):
             lines.append((ALONE, *(significant(own[ALONE], 2) if ALONE in own else "" for own in means.values())))
-    return Table(("solver", *(f"{level} digits" for level in LEVELS)), "l" + "r" * len(LEVELS), lines)
+    return Table(("solver", *(f"{level} digits" for level in LEVELS)), "lr", lines)
 
 
 def why_not(rows: Sequence[RunRow], solver: str, digits: int) -> str:
@@ -213,16 +208,16 @@ def rival_table(found: Sequence[PairRow]) -> Table:
                 own[ALONE] = significant(row.own_times_as_long, 2)
     lines = [(*key, *(own.get(column, "") for column in columns)) for key, own in cells.items()]
     headings = [column if column == ALONE else code(column) for column in columns]
-    return Table(("reading", "digits", *headings), "lr" + "r" * len(headings), lines)
+    return Table(("reading", "digits", *headings), "lr", lines)
 
 
 def readiness(cases: Sequence[Case], pairs: Iterable[PairRow]) -> list[Ready]:
-    """Measure preparation times on every reading, at the settings of the pairs with :data:`READY_DIGITS` digits."""
+    """Measure preparation times on every reading, at the settings of the pairs with nine digits."""
     problems = {(case.name, reading.name): reading.problem for case in cases for reading in case.readings}
     named = {*AGAINST, *(other for others in AGAINST.values() for other in others)}
     settings: dict[tuple[str, str, str], tuple[float, float]] = {}
     for row in pairs:
-        if row.digits == READY_DIGITS:
+        if row.digits == 9:
             settings.setdefault((*row.problem, FIRST), (number(row.rtol), row.wall_s))
             if row.rival in named:
                 settings[(*row.problem, row.rival)] = number(row.rival_rtol), row.rival_wall_s
@@ -248,11 +243,11 @@ def ready_table(found: Sequence[Ready]) -> Table:
     """Table of the preparation times and the number of runs that compensate them."""
     lines: list[tuple[str, ...]] = []
     for own in found:
-        others = {o.solver: o for o in found if (o.case, o.reading) == (own.case, own.reading)}
+        others = {other.solver: other for other in found if other.problem == own.problem}
         rivals = [rival for rival in AGAINST.get(own.solver, ()) if rival in others]
         paid = "; ".join(f"{own.paid_after(others[rival])} against {code(rival)}" for rival in rivals)
         times = map(duration, (own.wall_s, own.cold_s, own.kept_s))
-        lines.append((title(own.case, own.reading), code(own.solver), *times, paid))
+        lines.append((title(*own.problem), code(own.solver), *times, paid))
     headings = (
         "reading", "solver", "run", "preparation, no code on disk", "preparation, code on disk",
         "compensated after runs (no code on disk / code on disk)",

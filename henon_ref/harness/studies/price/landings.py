@@ -11,31 +11,24 @@ import sympy as sp
 from henon_ref.baselines.henon import HENON_BRENT, HENON_NEWTON, HENON_SOLVER
 from henon_ref.casefile.case import Case
 from henon_ref.harness.campaign.timing import interleaved
-from henon_ref.harness.rows import Row
+from henon_ref.harness.rows import ReadingRow
+from henon_ref.harness.score.ranking import by_solver, readings_of
 from henon_ref.harness.studies.page import title
 from henon_ref.harness.studies.pairs import FIRST
-from henon_ref.harness.studies.price.measure import problem_of
 from henon_ref.harness.table import Table, duration, error
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.reference import split_double
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.system import System
 from henon_ref.text import code
 
-GRAZES = ("1", "1e-1", "1e-3", "1e-5", "1e-7", "1e-9")
-"""Depths of a crossing below the crest of the motion; 1 is half way up."""
-SOLVERS = (HENON_SOLVER, HENON_NEWTON, HENON_BRENT)
-RTOL = 1e-13
-ROUNDS = 40
-
 
 @dataclass(frozen=True)
-class Landed(Row):
+class Landed(ReadingRow):
     """Measurement of one landing on one reading."""
 
-    case: str
-    reading: str
     solver: str
     transitions: int
     evaluations: float
@@ -59,23 +52,27 @@ def landings(cases: Sequence[Case]) -> list[Landed]:
     return found
 
 
-def crest_crossings(depths: Sequence[str] = GRAZES) -> list[Landed]:
-    """Run the three landings on ``sin(t) = 1 - g/2`` for decreasing depths g; its roots are closed forms."""
+def crest_crossings(depths: Sequence[str] = ("1", "1e-1", "1e-3", "1e-5", "1e-7", "1e-9")) -> list[Landed]:
+    """Run the three landings on ``sin(t) = 1 - g/2`` for decreasing depths g; its roots are closed forms.
+
+    A depth is the distance of a crossing from the crest of the motion; 1 is half way up.
+    """
     found = []
     for depth in depths:
         crest = System(["x", "v", "y"], {"g": depth}, {"s": "1 - g/2 - x"}, ["v", "-x", "s"])
         level = 1 - sp.Rational(depth) / 2
         exact = [((-1,), str(sp.N(sp.asin(level), 40))), ((1,), str(sp.N(sp.pi - sp.asin(level), 40)))]
-        found += _three("crest", f"g = {depth}", problem_of(crest, {"x": 0, "v": 1, "y": 0}, 3), exact)
+        found += _three("crest", f"g = {depth}", problem_of(crest, {"x": 0, "v": 1, "y": 0}, until=3)[1], exact)
     return found
 
 
 def _three(case: str, reading: str, problem: Problem, exact: Sequence[tuple[Mode, str]]) -> list[Landed]:
     """Measure the three landings on a problem with known modes and times of its transitions."""
-    runs = {s.name: s.prepare(problem, rtol=RTOL, deadline=20.0) for s in SOLVERS}
-    times = interleaved(runs, rounds=ROUNDS)
+    solvers = (HENON_SOLVER, HENON_NEWTON, HENON_BRENT)
+    runs = {solver.name: solver.prepare(problem, rtol=1e-13, deadline=20.0) for solver in solvers}
+    times = interleaved(runs, rounds=40)
     lines = []
-    for solver, run in runs.items():
+    for name, run in runs.items():
         result = run()
         count = len(result.transitions)
         own = [t for t in result.transitions if t.kind != "graze"]
@@ -84,22 +81,20 @@ def _three(case: str, reading: str, problem: Problem, exact: Sequence[tuple[Mode
             pairs = [(t, split_double(digits)) for t, (_, digits) in zip(own, exact, strict=True)]
             worst = max((abs((t.time - high) + (t.time_low - low)) for t, (high, low) in pairs), default=0.0)
         evaluations = result.counts.event_evaluations / count if count else math.nan
-        ratio = times.ratio(solver, HENON_BRENT.name)
-        lines.append(Landed(case, reading, solver, count, evaluations, times.median(solver), ratio, worst))
+        ratio = times.ratio(name, HENON_BRENT.name)
+        lines.append(Landed(case, reading, name, count, evaluations, times.median(name), ratio, worst))
     return lines
 
 
 def landing_table(found: Sequence[Landed]) -> Table:
     """Table of evaluations, time and error of the landings, and the time with Hénon's divided by that with Brent's."""
-    solvers = list(dict.fromkeys(one.solver for one in found))
+    solvers = list(by_solver(found))
     lines = []
-    for case, reading in dict.fromkeys((own.case, own.reading) for own in found):
-        own = {one.solver: one for one in found if (one.case, one.reading) == (case, reading)}
-        every = [own[solver] for solver in solvers]
+    for problem, every in readings_of(found).items():
         errors = ["another sequence" if math.isnan(one.error_s) else error(one.error_s) for one in every]
         cells = [*(f"{one.evaluations:.1f}" for one in every), *(duration(one.wall_s) for one in every), *errors]
-        ratio = own[FIRST].to_bracketing
-        lines.append((title(case, reading), *cells, f"{ratio:.2f}", "bracketing is quicker" if ratio > 1 else ""))
+        ratio = every[solvers.index(FIRST)].to_bracketing
+        lines.append((title(*problem), *cells, f"{ratio:.2f}", "bracketing is quicker" if ratio > 1 else ""))
     columns = [f"{word}, {code(solver)}" for word in ("evaluations", "run", "error [s]") for solver in solvers]
     headings = ("reading", *columns, "run over bracketing", "note")
     return Table(headings, "l" + "r" * len(columns) + "rl", lines)

@@ -12,24 +12,18 @@ from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.timing import interleaved
 from henon_ref.harness.report.text.model import mode_tape, operations
 from henon_ref.harness.rows import Row
-from henon_ref.harness.studies.price.measure import problem_of
 from henon_ref.harness.table import Table
-from henon_ref.integrator.integrator import Integrator, order_for
-from henon_ref.integrator.records import HENON
-from henon_ref.integrator.run import run_to_horizon
+from henon_ref.integrator.integrator import local_error, order_for
 from henon_ref.jit.ir_writer import count
 from henon_ref.modes.problem import Problem
+from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.scene import Scene
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.step_end import step_end_ir
-from henon_ref.trajectory import Trajectory
 
 RTOL = 1e-12
 ROUNDS = 60
 """Number of interleaved rounds; medians of 60 distinguish steps that differ by some percent."""
-SIZE, PRODUCTS = 60, 20
-"""Rows of the square matrices whose product measures the peak rate (three matrices fit into the first cache level), and
-number of products that are timed together."""
 UNTIL = 600
 """Horizon of the scenes' runs [s]."""
 FAST, SLOW = 9, 0.3
@@ -76,28 +70,23 @@ class Work(Row):
 
 def work(problem: Problem) -> Work:
     """Count and time a run of a problem with one surface at tolerance 1e-12."""
-    tolerance = 0.1 * RTOL
-    order, system = order_for(tolerance), problem.system
+    order, system = order_for(local_error(RTOL)), problem.system
     n = len(system.states)
     slip, stick = (count(expansion_ir(mode_tape(system, own), n, order, "expansion")) for own in ((), (0,)))
-    integrator = Integrator(system, order)
-
-    def run_to(until: sp.Expr) -> Callable[[], Trajectory]:
-        start = integrator.start(replace(problem, until=until), tolerance=tolerance, landing=HENON)
-        return lambda: run_to_horizon(integrator, start)
-
-    a = np.linspace(0, 1, SIZE * SIZE).reshape(SIZE, SIZE)
+    size, products = 60, 20  # three matrices of this size fit into the first cache level
+    a = np.linspace(0, 1, size * size).reshape(size, size)
     out = np.empty_like(a)
 
     def product() -> None:
-        for _ in range(PRODUCTS):
+        for _ in range(products):
             np.matmul(a, a, out=out)
 
-    run = run_to(problem.until)
+    run = HENON_SOLVER.prepare(problem, rtol=RTOL)
     times = interleaved({"run": run, "product": product}, rounds=ROUNDS)
     whole = run()
-    ends = [sp.Rational(t.time) for t in whole.transitions]
-    spent = [0, *(run_to(end)().counts.rhs_evaluations for end in ends), whole.counts.rhs_evaluations]
+    shorter = [replace(problem, until=sp.Rational(t.time)) for t in whole.transitions]
+    runs = [HENON_SOLVER.prepare(own, rtol=RTOL)() for own in shorter]
+    spent = [0, *(own.counts.rhs_evaluations for own in (*runs, whole))]
     stuck = [mode == (0,) for mode in (whole.transitions[0].from_mode, *(t.to_mode for t in whole.transitions))]
     return Work(
         expansion=slip,
@@ -109,7 +98,7 @@ def work(problem: Problem) -> Work:
         landed=whole.counts.event_evaluations,
         order=order,
         wall_s=times.median("run"),
-        peak=PRODUCTS * 2 * SIZE**3 / times.median("product"),
+        peak=products * 2 * size**3 / times.median("product"),
     )
 
 
@@ -142,7 +131,7 @@ def oscillator(values: Values, velocity: float) -> Problem:
         scene.damper(block, scene.wall, coefficient=values["damper"])
     if "force" in values:
         scene.force(block, f"{values['force']}*sin(1.7*t)")
-    return problem_of(scene.system(), {"x1": 1, "x2": 0}, UNTIL)
+    return problem_of(scene.system(), {"x1": 1, "x2": 0}, until=UNTIL)[1]
 
 
 def two_blocks(values: Values, velocity: float) -> Problem:
@@ -157,7 +146,7 @@ def two_blocks(values: Values, velocity: float) -> Problem:
         scene.spring(follower, scene.wall, stiffness=values["spring of the follower"])
     if "damper between the blocks" in values:
         scene.damper(block, follower, coefficient=values["damper between the blocks"])
-    return problem_of(scene.system(), {"x1": 0, "x2": 0.4, "x3": 0.1, "x4": 0}, UNTIL)
+    return problem_of(scene.system(), {"x1": 0, "x2": 0.4, "x3": 0.1, "x4": 0}, until=UNTIL)[1]
 
 
 BODIES = (
@@ -262,4 +251,4 @@ def effect_table(steps: Sequence[Step]) -> Table:
                 "" if step.to_carried is None else f"{step.to_carried:.2f}",
             )
         )
-    return Table(headings, "llrrrrrr", lines)
+    return Table(headings, "llr", lines)

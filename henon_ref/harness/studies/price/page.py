@@ -12,10 +12,9 @@ from henon_ref.harness.report.manifest import Provenance
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import Row, RunRow
 from henon_ref.harness.score.ranking import readings_of
-from henon_ref.harness.studies.page import shipped_problem, title, write
+from henon_ref.harness.studies.page import in_fresh_process, shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
 from henon_ref.harness.studies.price import chains, growth, ladder, landings, operations
-from henon_ref.harness.studies.price.measure import in_fresh_process
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
 from henon_ref.text import markdown

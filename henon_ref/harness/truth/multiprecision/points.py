@@ -18,6 +18,7 @@ from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, Leading
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 
 ORDERS = (1, 3, series.ORDER)
@@ -43,8 +44,9 @@ class SeriesEvaluation:
     def at(self, time: arb, state: Sequence[arb]) -> Point:
         return Point(self, time, tuple(state))
 
-    def exactly(self, start: sp.Expr, initial: Sequence[sp.Expr]) -> Point:
-        return self.at(series.exact_ball(start, self.bits), [series.exact_ball(v, self.bits) for v in initial])
+    def at_start(self, problem: Problem) -> Point:
+        start, *initial = (series.exact_ball(v, self.bits) for v in (problem.start, *problem.initial))
+        return self.at(start, initial)
 
     def values(self, expressions: Sequence[sp.Expr], t: arb, x: Sequence[arb]) -> list[arb]:
         """Evaluate expressions in time and states at a point; raise ValueError if a value is not finite."""
@@ -117,14 +119,13 @@ class Point:
         return self.series(mode, 1)
 
     def sides(self, mode: Mode, index: int) -> tuple[arb, arb]:
-        signs = self.system.signs
-        beside = ({s: sp.Integer(v) for s, v in zip(signs, replaced(mode, index, way), strict=True)} for way in (-1, 1))
+        beside = (self.system.entries(replaced(mode, index, way)) for way in (-1, 1))
         normal = self.system.normal_velocity(index)
         below, above = self._modes.values([normal.xreplace(side) for side in beside], self.time, self.state)
         return below, above
 
     def values(self, expressions: tuple[sp.Expr, ...], signs: Mode) -> list[arb] | None:
-        entries = {s: sp.Integer(v) for s, v in zip(self.system.signs, signs, strict=True)}
+        entries = self.system.entries(signs)
         try:
             return self._modes.values([e.xreplace(entries) for e in expressions], self.time, self.state)
         except (ZeroDivisionError, ValueError):

@@ -24,7 +24,7 @@ from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, transition_kind
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import REMAINING, resetting, rows_at, turning_in_flight
-from henon_ref.modes.selection import after_event, initial_mode, signs_at
+from henon_ref.modes.selection import after_event, initial_mode, initial_signs
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Kind, Status
 
@@ -154,8 +154,8 @@ class _Simulation:
     def _begin(self) -> None:
         problem = self.problem
         self.result.end_time = self.start
-        decision = initial_mode(self.modes, problem.start, problem.initial, problem.initial_mode)
-        sides, _ = signs_at(problem.system, problem.start, problem.initial)
+        decision = initial_mode(self.modes.at_start(problem), problem)
+        sides, _ = initial_signs(problem)
         self._enter(self._decided(decision), frozenset(i for i, side in enumerate(sides) if side == 0))
 
     def _decided(self, decision: Decision) -> Mode:

@@ -148,7 +148,7 @@ class Stepper:
         """Set the mode, the initial point, and the guards' values at the point."""
         integrator, outputs = self._integrator, list(guards)
         if self._shared is None:
-            self._values = {s: sp.Integer(v) for s, v in zip(self._system.signs, mode, strict=True)}
+            self._values = self._system.entries(mode)
         else:
             self.guards = self._system.equations(mode).guards
             self._rows = [self._dimension + row for row in self._shared.rows(mode)]

@@ -10,6 +10,7 @@ from flint import arb, ctx
 
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.modes.equations import Guard
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event, initial_mode
 from henon_ref.modes.switched_field import SlidingOverride
 from henon_ref.modes.system import FilippovSystem
@@ -26,7 +27,8 @@ def _precision() -> Iterator[None]:
 
 
 def initial(system: FilippovSystem, *state: sp.Expr, given: dict[int, int] | None = None) -> tuple[str, object]:
-    decision = initial_mode(SeriesEvaluation(system, 128), ZERO, [sp.sympify(v) for v in state], given or {})
+    problem = Problem(system, ZERO, tuple(sp.sympify(v) for v in state), sp.Integer(1), given or {})
+    decision = initial_mode(SeriesEvaluation(system, 128).at_start(problem), problem)
     return decision.status, decision.mode
 
 

@@ -1,0 +1,112 @@
+"""LLVM IR for one number turned into IR for the lanes of vectors: the same operations, with the same bits.
+
+In each lane a pointer ``%p1`` points to another number: to the next one in memory, or to the same. All other pointers
+point to vectors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+from henon_ref.jit.ir_writer import LANES
+
+IN_A_ROW, SAME = "in a row", "same"
+_VECTOR = f"<{LANES} x double>"
+_POINTED = re.compile(r"  (%\S+) = getelementptr double, ptr %(\w+), i64 \d+")
+_LOADED = re.compile(r"  (%\S+) = load double, ptr (%[^,]+), align 8")
+_STORED = re.compile(r"  store double (\S+), (.*)")
+_CALLED = re.compile(r"  (%\S+) = call double @([\w.]+)\((.*)\)")
+_SELECTED = re.compile(r"  (%\S+) = select i1 (%\S+), double (\S+), double (\S+)")
+_COMPUTED = re.compile(r"  (%\S+ = (?:fadd|fsub|fmul|fdiv|fneg|fcmp \w+)) double (.*)")
+_UNIT = "%unit"
+"""A number that is the same in all lanes."""
+
+
+def arrangement(places: Sequence[Sequence[int]]) -> tuple[str, ...]:
+    """Where the numbers of the lanes are for each pointer; empty if some are neither in a row nor the same.
+
+    ``places``: for each lane the places of all pointers.
+    """
+    found = []
+    for first, *others in zip(*places, strict=True):
+        if others == [first + i for i in range(1, LANES)]:
+            found.append(IN_A_ROW)
+        elif others == [first] * (LANES - 1):
+            found.append(SAME)
+        else:
+            return ()
+    return tuple(found)
+
+
+def can_be_in_lanes(lines: Iterable[str]) -> bool:
+    """Whether code neither branches nor reads the time."""
+    return not any(re.search(r" br |%t_", line) for line in lines)
+
+
+def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
+    """Write straight-line code for all lanes; ``arranged``: where the numbers of ``%p0``, ``%p1``, ... are."""
+    found = _splat("%units", _UNIT) if any(_UNIT in line for line in lines) else []
+    same: set[str] = set()
+    """Pointers to the same number in all lanes."""
+    for line in lines:
+        if pointed := _POINTED.fullmatch(line):
+            name, array = pointed.groups()
+            if array.startswith("p") and arranged[int(array[1:])] == SAME:
+                same.add(name)
+            found.append(line)
+        else:
+            found += _widened(line, same)
+    return found
+
+
+def _widened(line: str, same: set[str]) -> list[str]:
+    if found := _COMPUTED.fullmatch(line):
+        return [f"  {found[1]} {_VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
+    if found := _LOADED.fullmatch(line):
+        name, pointer = found.groups()
+        if pointer in same:
+            return [f"  {name}.number = load double, ptr {pointer}, align 8", *_splat(name, f"{name}.number")]
+        return [f"  {name} = load {_VECTOR}, ptr {pointer}, align 8"]
+    if found := _STORED.fullmatch(line):
+        return [f"  store {_VECTOR} {_wide(found[1])}, {found[2]}"]
+    if found := _SELECTED.fullmatch(line):
+        values = ", ".join(f"{_VECTOR} {_wide(value)}" for value in found.groups()[2:])
+        return [f"  {found[1]} = select <{LANES} x i1> {found[2]}, {values}"]
+    found = _CALLED.fullmatch(line)
+    assert found, line
+    name, function, text = found.groups()
+    arguments = [_wide(each.removeprefix("double ")) for each in text.split(", ")]
+    if not function.startswith("llvm."):
+        return _call_by_lane(name, function, arguments)
+    wide = ", ".join(f"{_VECTOR} {each}" for each in arguments)
+    return [f"  {name} = call {_VECTOR} @{function.replace('.f64', f'.v{LANES}f64')}({wide})"]
+
+
+def _wide(value: str) -> str:
+    if value.startswith("0x"):
+        return f"<{', '.join([f'double {value}'] * LANES)}>"
+    return "%units" if value == _UNIT else value
+
+
+def _splat(name: str, value: str) -> list[str]:
+    return [
+        f"  {name}.one = insertelement {_VECTOR} poison, double {value}, i64 0",
+        f"  {name} = shufflevector {_VECTOR} {name}.one, {_VECTOR} poison, <{LANES} x i32> zeroinitializer",
+    ]
+
+
+def _call_by_lane(name: str, function: str, arguments: Sequence[str]) -> list[str]:
+    """Call a function of the C library for each lane."""
+    lines, before = [], "poison"
+    for i in range(LANES):
+        numbers = [f"{name}.from{i}.{j}" for j in range(len(arguments))]
+        lines += [
+            f"  {number} = extractelement {_VECTOR} {argument}, i64 {i}"
+            for number, argument in zip(numbers, arguments, strict=True)
+        ]
+        lines.append(f"  {name}.of{i} = call double @{function}({', '.join(f'double {number}' for number in numbers)})")
+        after = name if i == LANES - 1 else f"{name}.part{i}"
+        lines.append(f"  {after} = insertelement {_VECTOR} {before}, double {name}.of{i}, i64 {i}")
+        before = after
+    return lines
