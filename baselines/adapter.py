@@ -59,15 +59,7 @@ class LibrarySolver(ABC):
         sample_times: NDArray[np.float64] | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Do all work that is done once per problem; see :meth:`henon_ref.solver.Solver.prepare`.
-
-        Raises
-        ------
-        UnsupportedError
-            If ``step`` is given, ``rtol`` is missing, or the solver does not support the problem.
-        UnavailableError
-            If the library is not installed.
-        """
+        """Do all work that is done once per problem; see :meth:`henon_ref.solver.Solver.prepare`."""
         if step is not None or rtol is None:
             raise UnsupportedError(f"{self.name} chooses its own steps: give rtol (and atol), not step")
         return self.prepared(problem, rtol, rtol if atol is None else atol, Work(deadline), sample_times)
@@ -81,13 +73,7 @@ class LibrarySolver(ABC):
         return import_module(self.module) if self.module else None
 
     def loaded(self) -> Any:
-        """Return the result of :meth:`load`.
-
-        Raises
-        ------
-        UnavailableError
-            If the library is not installed.
-        """
+        """Return the result of :meth:`load`; UnavailableError if the library is not installed."""
         try:
             return self.load()
         except ImportError as error:

@@ -1,22 +1,12 @@
-"""diffrax: Dopri8 and Kvaerno5 with ``diffrax.Event``, one compiled solve per mode.
+"""diffrax: Dopri8 and Kvaerno5 with ``diffrax.Event``, one compiled solve per mode (``docs/solvers_peers.md``).
 
-diffrax compares the sign of each condition function at the two ends of a step and locates a root of a changed
-condition on the step's dense output. :mod:`henon_ref.baselines.causes.diffrax_events` demonstrates three consequences:
+The adapter uses one condition, the minimum of the guards, because of several conditions that change in one step the
+first in the list would count; bisection within the step (which accepts one condition only), because Newton's method
+would find the step's last root; the direction downwards; and the restart ``offset``, because a condition that is zero
+at the start stops the run at once or loses its root (:mod:`henon_ref.baselines.causes.diffrax_events`). A guard that is
+negative at the start of its mode is first watched for its rise, then for its fall.
 
-1. If several conditions change in one step, the first in the list counts, which may not be the first in time.
-2. Newton's method, the "typical choice" of the documentation, starts at the end of the step and finds its last root.
-3. A condition that is zero at the start stops the run at once or, with a direction, loses its root in the first step.
-
-Therefore the adapter uses one condition, the minimum of the guards; bisection within the step (which accepts one
-condition only); the direction downwards; and ``offset`` (:mod:`henon_ref.baselines.restart`), by which the guard of a
-surface just left starts clearly positive. A guard that is negative at the start of its mode is first watched for its
-rise, then for its fall.
-
-Kvaerno5's dense output is a cubic, so that event times are less accurate than its steps. A pair of roots inside one
-step is not detected.
-
-The parameters are arguments of the jax functions. Hence a process traces and compiles a mode once (four to eight
-seconds) for all parameter values and tolerances; that time is reported as ``compile_s``.
+The parameters are arguments of the jax functions: a process traces and compiles a mode once for all their values.
 """
 
 from __future__ import annotations
@@ -128,22 +118,14 @@ def _message(error: RuntimeError) -> str:
 
 @cache
 def _compiled(method: str, either: bool, source: ModeSource) -> Any:
-    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode, once per process."""
-    import jax
+    """Return the compiled ``solve(t, x, until, numbers, watch, tolerances)`` of one mode, once per process.
 
-    shapes = [(), (len(source.unknowns),), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
-    wanted = [jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes]
-    return jax.jit(_solve(method, either, source)).lower(*wanted).compile()
-
-
-def _solve(method: str, either: bool, source: ModeSource) -> Any:
-    """Return the function ``solve`` for jax to trace; it returns the solve's end as an array, and diffrax's result.
-
-    ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The returned array
-    holds time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
-    the horizon, ``max_steps`` used), the accepted steps, and all steps.
+    ``watch`` holds each guard's sign, lift, and the time up to which its value is 1, shape (3, m). The result is an
+    array of time, unknowns, watched guards, the guard against divergence, three flags (stopped by an event, arrived at
+    the horizon, ``max_steps`` used), the accepted steps and all steps; and diffrax's result.
     """
     import diffrax
+    import jax
     import jax.numpy as jnp
     import optimistix
 
@@ -183,7 +165,8 @@ def _solve(method: str, either: bool, source: ModeSource) -> Any:
         parts = [end, y, watched(end, y, numbers, watch), jnp.array(flags, dtype=float), jnp.array(counts)]
         return jnp.concatenate([jnp.atleast_1d(part) for part in parts]), solution.result
 
-    return solve
+    shapes = [(), (len(source.unknowns),), (), (len(source.numbers),), (3, len(source.guards)), (2,)]
+    return jax.jit(solve).lower(*(jax.ShapeDtypeStruct(shape, np.float64) for shape in shapes)).compile()
 
 
 class ModeSource(NamedTuple):

@@ -1,15 +1,12 @@
 """diffsol by pydiffsol: Tsit45 and BDF with ``stop_i``; each mode is a separate model in DiffSL.
 
-A stop function stops the run at every change of its sign, in either direction. The result contains the time of the
-stop but not the function. This adapter finds the function from the guards' values and rates, and continues the run if
-a guard has risen. diffsol ignores a stop function that is exactly zero at the start until it has left zero, as SUNDIALS
-does; a function that starts one rounding below zero and rises stops the run at once. Therefore the default restart is
-``offset`` (:mod:`henon_ref.baselines.restart`). Roots are located by a secant method on the step's interpolant to
-``100 eps (abs(t) + abs(h))``. A pair of roots inside one step is not detected.
+A stop function stops the run at every change of its sign, in either direction, and the result does not contain which
+function it was. This adapter finds the function from the guards' values and rates, and continues the run if a guard has
+risen. A stop function that starts one rounding below zero and rises stops the run at once; therefore the default
+restart is ``offset``. Roots are located by a secant method on the step's interpolant.
 
-A whole mode is one call into Rust, without callbacks to Python. Hence the deadline is checked only between modes. If a
-run fails, its time is taken from the library's message; the state at that time is unknown, and the initial state of
-the mode is returned instead.
+A whole mode is one call into Rust, without callbacks to Python, so that the deadline is checked only between modes. If
+a run fails, its time is taken from the library's message, and the state is the initial state of the mode.
 """
 
 from __future__ import annotations
@@ -33,11 +30,6 @@ from henon_ref.errors import UnsupportedError
 from henon_ref.expressions.traversal import Rules, Walk, fold, fraction
 from henon_ref.modes.callables import ARITHMETIC, rounded
 from henon_ref.taylor.tape import TIME
-
-FUNCTIONS = ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log")
-"""Supported functions of DiffSL (https://martinjrobins.github.io/diffsl/functions.html). DiffSL cannot differentiate
-inverse trigonometric functions, acosh and atanh. Its ``tan`` aborts the process (Enzyme does not support LLVM's
-intrinsic), so that a tangent is written as a quotient."""
 
 
 class _Mode(SmoothMode):
@@ -151,12 +143,9 @@ def number(value: float) -> str:
 
 
 def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
-    """Convert an expression in time and the unknowns to DiffSL; ``names`` are the unknowns' names in the text.
+    """Convert an expression in time and the unknowns to DiffSL; UnsupportedError if DiffSL has no such function.
 
-    Raises
-    ------
-    UnsupportedError
-        If DiffSL does not have a function.
+    ``names`` are the unknowns' names in the text.
     """
 
     def product(e: sp.Expr, walk: Walk[str]) -> str:
@@ -177,10 +166,12 @@ def to_diffsl(expression: sp.Expr, names: Mapping[sp.Symbol, str]) -> str:
         return f"pow({base}, {walk(e.exp)})"
 
     def function(e: sp.Expr, walk: Walk[str]) -> str:
+        # DiffSL (https://martinjrobins.github.io/diffsl/functions.html) cannot differentiate inverse trigonometric
+        # functions, acosh and atanh. Its tan aborts the process (Enzyme does not support LLVM's intrinsic).
         name, inner = e.func.__name__, walk(e.args[0])
         if name == "tan":
             return f"(sin({inner}) / cos({inner}))"
-        if name not in FUNCTIONS:
+        if name not in ("sin", "cos", "sinh", "cosh", "tanh", "exp", "log"):
             raise UnsupportedError(f"DiffSL has no {name}")
         return f"{name}({inner})"
 

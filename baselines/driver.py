@@ -43,21 +43,12 @@ class Driver:
     """One problem prepared for repeated runs with one library.
 
     The library counts its evaluations in ``work``, which holds the deadline. ``known`` is a table of modes of the same
-    system that was made for another library; their equations are used again.
-
-    Raises
-    ------
-    UnsupportedError
-        If the initial mode has no equations, or too many contacts with static friction act on each other.
+    system that was made for another library; their equations are used again. UnsupportedError if the initial mode has
+    no equations, or too many contacts with static friction act on each other.
     """
 
     def __init__(
-        self,
-        problem: Problem,
-        library: Library,
-        work: Work,
-        sample_times: Times = None,
-        known: ModeTable | None = None,
+        self, problem: Problem, library: Library, work: Work, sample_times: Times = None, known: ModeTable | None = None
     ) -> None:
         self.problem, self.library, self.work, self.sample_times = problem, library, work, sample_times
         self.start, self.until = float(problem.start), float(problem.until)

@@ -1,26 +1,24 @@
 """heyoka: Taylor integration with terminal events, one compiled integrator per mode.
 
 Without a direction, an event that is exactly zero at the start stops heyoka at once. With a direction it does not, but
-the next true root in the first step is lost (x = 0, v = 1, a = -1, falling: the root at t = 2 is never reported). A
-guard that starts one rounding above zero is treated correctly. Therefore the default restart is ``offset``: a heyoka
-parameter lifts the fresh guard by a few roundings of its terms. The lift costs no step and delays the next root by the
-lift divided by the guard's rate. heyoka finds a root on the guard's Taylor polynomial. At a loose tolerance a
-tangential release is therefore slightly early or late, and the guard may first fall by the square of this time; the
-lift covers this fall. ``event-free-step`` takes a short step with a second integrator without events. ``direction``
-and ``none`` are for comparison.
+the next true root in the first step is lost. A guard that starts one rounding above zero is treated correctly.
+Therefore the default restart is ``offset``: a heyoka parameter lifts the fresh guard by a few roundings of its terms,
+which delays the next root by the lift divided by the guard's rate. heyoka finds a root on the guard's Taylor
+polynomial. At a loose tolerance a tangential release is therefore slightly early or late, and the guard may first fall
+by the square of this time; the lift covers this fall. ``event-free-step`` takes a short step with a second integrator
+without events.
 
 An exact double root inside a step is not detected. A root very early in a long step (a ballistic return within 1e-4 of
 the step) is sometimes lost together with the guard's root at the start. If such a guard is below zero at the next stop,
 the start is repeated with an event-free step. heyoka stores its time as two doubles, and the transitions keep both
-(``time_low``). heyoka has one tolerance, which is set to ``rtol``; ``atol`` is not used. ``docs/solvers.md`` lists the
-advice of heyoka's documentation that is followed.
+(``time_low``). Its one tolerance is ``rtol``. What its documentation advises: ``docs/solvers.md``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from math import isfinite
 from typing import Any, Literal
 
@@ -44,8 +42,6 @@ CHUNK = 4096
 """Largest number of steps between two checks of the clock and of the size of the state."""
 OUTCOMES = -(2**32)
 """Outcomes above this value are terminal events, -index - 1; outcomes up to it are heyoka's status codes."""
-TIME_LIMIT = OUTCOMES - 3
-"""``taylor_outcome.time_limit``: the end of the interval was reached."""
 
 
 class _Integrators:
@@ -88,6 +84,10 @@ class _Integrators:
             return self._make_quiet()
 
 
+_common_integrators = lru_cache(maxsize=16)(_Integrators)
+"""Integrators of all modes that share their equations."""
+
+
 class _Mode:
     """One mode on heyoka."""
 
@@ -95,10 +95,7 @@ class _Mode:
         solver: HeyokaTaylor = library.solver
         self._model, self._work, self._horizon = model, work, horizon
         self._policy, self._rtol = solver.restart, library.rtol
-        functions, key = model.common or model, (solver.name, solver.restart, solver.cooldown, library.rtol)
-        if key not in functions.kept:
-            functions.kept[key] = _Integrators(library, functions)
-        made = functions.kept[key]
+        made = _Integrators(library, model) if model.common is None else _common_integrators(library, model.common)
         self._switches = model.switches
         guard_of = {row: k for k, row in enumerate(model.rows)}
         self._hit = [guard_of.get(row, -1) for row in made.moving]
@@ -164,7 +161,7 @@ class _Mode:
                     return self._overflow(t, low, x, until)
             if code > OUTCOMES:
                 return Stop("event", now, rest, point, (self._hit[-code - 1],))
-            if code == TIME_LIMIT:
+            if code == OUTCOMES - 3:  # taylor_outcome.time_limit: the end of the interval was reached
                 return Stop("horizon", now, rest, point)
             if now - t <= 4.0 * EPSILON * abs(now):
                 return Stop("failed", now, rest, point, reason=f"heyoka does not advance from t = {now:.17g}")
@@ -268,12 +265,7 @@ def to_heyoka(expression: sp.Expr, variables: Mapping[sp.Symbol, Any]) -> Any:
     """Convert an expression in time and symbols to heyoka; ``variables`` maps the symbols to heyoka's expressions.
 
     heyoka's ``from_sympy`` refuses rationals whose denominator is not a power of two. This function rounds every
-    constant subexpression to one double, as for all other libraries.
-
-    Raises
-    ------
-    UnsupportedError
-        If heyoka does not have a function.
+    constant subexpression to one double, as for all other libraries. UnsupportedError if heyoka has no such function.
     """
     import heyoka as hy
 

@@ -16,9 +16,10 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.baselines.surface_functions import is_linear, landing, normal_velocity, of_few, slopes_of
+from henon_ref.baselines.surface_functions import is_linear, landing, of_few, slopes_of
 from henon_ref.errors import UnavailableError
 from henon_ref.jit.native_module import target
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.callables import (
     ARITHMETIC,
     Jacobian,
@@ -30,7 +31,7 @@ from henon_ref.modes.callables import (
 )
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import ModeEvaluation
+from henon_ref.modes.mode_evaluation import ModeEvaluation, acting_on
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand
 from henon_ref.taylor.tape import TIME, Tape, build_tape
@@ -57,10 +58,6 @@ class CommonFunctions:
         """Symbols of the switches."""
         self.field_expressions = tuple(system.numeric(f) for f in self._shared.field)
         self.guard_expressions = tuple(system.numeric(g) for g in self._shared.outputs)
-        self.kept: dict[Any, Any] = {}
-        """Objects that a library has built from these functions; the library chooses the keys."""
-        self._rates: dict[int, Scalar] = {}
-        self._jacobians: dict[Callbacks, Jacobian] = {}
 
     def values(self, mode: Mode) -> tuple[float, ...]:
         """Values of the switches in a mode."""
@@ -77,19 +74,17 @@ class CommonFunctions:
         """Compiled ``fill(t, y, out)``; ``y`` holds the states and the switches."""
         return compiled((*self.states, *self.symbols), self.field_expressions)
 
+    @cached_method
     def rate(self, row: int) -> Scalar:
         """Function of a guard and its time derivative."""
-        if row not in self._rates:
-            guard = self.guard_expressions[row]
-            slope = along(guard, self.states, self.field_expressions)
-            self._rates[row] = of_few((*self.states, *self.symbols), (guard, slope))
-        return self._rates[row]
+        guard = self.guard_expressions[row]
+        slope = along(guard, self.states, self.field_expressions)
+        return of_few((*self.states, *self.symbols), (guard, slope))
 
+    @cached_method
     def jacobian(self, callbacks: Callbacks) -> Jacobian:
         """Jacobian of the field in the states."""
-        if callbacks not in self._jacobians:
-            self._jacobians[callbacks] = jacobian(self.states, self.field_expressions, callbacks, self.symbols)
-        return self._jacobians[callbacks]
+        return jacobian(self.states, self.field_expressions, callbacks, self.symbols)
 
 
 @lru_cache(maxsize=16)
@@ -102,12 +97,8 @@ class ModeFunctions:
     """One mode of one system as functions of ``(t, *x)``, with parameter values inserted.
 
     ``evaluation`` makes the tapes of the system's modes. ``idle`` are surfaces on which the mode stays although their
-    signs are not zero: their values do not change, and their guards are left out.
-
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
+    signs are not zero: their values do not change, and their guards are left out. ModelError if the mode has no
+    equations.
     """
 
     def __init__(
@@ -123,10 +114,7 @@ class ModeFunctions:
         self._watched = [k for k, g in enumerate(guards) if not (g.kind == "surface" and g.index in idle)]
         self.guards: tuple[Guard, ...] = tuple(guards[k] for k in self._watched)
         self.guard_expressions = tuple(system.numeric(g.expression) for g in self.guards)
-        self._bends: dict[int, Scalar] = {}
         self.symbols: tuple[sp.Symbol, ...] = ()
-        self.kept: dict[Any, Any] = {}
-        """See :class:`CommonFunctions`."""
         self.surface_guard = {g.index: k for k, g in enumerate(self.guards) if g.kind == "surface"}
 
     @cached_property
@@ -250,18 +238,15 @@ class ModeFunctions:
 
     def landing(self, index: int) -> Scalar:
         """Function of a surface on which this mode begins or ends (:func:`landing`)."""
-        acting = normal_velocity(self.system, index).free_symbols
-        pairs = enumerate(zip(self.system.signs, self.mode, strict=True))
+        acting = {*acting_on(self.system, index)} - {index}
         # Signs that do not act on this surface are set to 1, so that modes share the cached function.
-        relevant = tuple(entry if sign in acting and k != index else 1 for k, (sign, entry) in pairs)
-        return landing(self.system, relevant, index)
+        return landing(self.system, tuple(s if k in acting else 1 for k, s in enumerate(self.mode)), index)
 
+    @cached_method
     def bend(self, index: int) -> Scalar:
         """Function of a guard's first and second time derivative along this mode's field."""
-        if index not in self._bends:
-            rate = self.along(self.guard_expressions[index])
-            self._bends[index] = scalar(self.states, [rate, self.along(rate)])
-        return self._bends[index]
+        rate = self.along(self.guard_expressions[index])
+        return scalar(self.states, [rate, self.along(rate)])
 
     @cached_property
     def _tape(self) -> tuple[Tape, list[float]]:
@@ -274,10 +259,7 @@ class ModeFunctions:
     def series(self, t: float, x: Sequence[float], order: int) -> tuple[list[list[float]], list[list[float]]]:
         """Compute Taylor coefficients in time of the states and the guards along this mode's solution through (t, x).
 
-        Raises
-        ------
-        ArithmeticError, ValueError
-            If the field has no value at (t, x).
+        Raise an exception of ``ARITHMETIC`` if the field has no value there.
         """
         tape, numbers = self._tape
         return expand(tape, numbers, t, list(x), order)
@@ -286,12 +268,7 @@ class ModeFunctions:
 def njit(function: Callable[..., Any]) -> Any:
     """Compile a function by numba, for the same processor as the reference's modes (see ``target``).
 
-    A division by zero gives infinity or NaN (numba's ``numpy`` error model).
-
-    Raises
-    ------
-    UnavailableError
-        If numba is not installed.
+    A division by zero gives infinity or NaN (numba's ``numpy`` error model). UnavailableError if numba is missing.
     """
     try:
         import numba
@@ -320,10 +297,7 @@ def compiled(states: Sequence[sp.Symbol], expressions: Iterable[sp.Expr]) -> Fil
 
 
 def jacobian(
-    states: Sequence[sp.Symbol],
-    field: Sequence[sp.Expr],
-    callbacks: Callbacks,
-    switches: Sequence[sp.Symbol] = (),
+    states: Sequence[sp.Symbol], field: Sequence[sp.Expr], callbacks: Callbacks, switches: Sequence[sp.Symbol] = ()
 ) -> Jacobian:
     """Return df/dx derived by SymPy, with entries in plain Python or compiled."""
     return Jacobian(states, field, switches, _filled if callbacks == "numba" else interpreted)

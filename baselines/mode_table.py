@@ -18,6 +18,7 @@ from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
 from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.surface_functions import projected, surface
 from henon_ref.jit.processor_time import compiling
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.after_jump import after_jump, without_speed
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.modes.equations import Guard
@@ -27,9 +28,6 @@ from henon_ref.modes.resets import REMAINING, impact_of, resetting
 from henon_ref.modes.selection import after_event, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
-
-Rest = tuple[Mode, float, tuple[float, ...]]
-"""Mode, time [s] and state at which a body comes to rest after the last of its impacts."""
 
 
 class After(NamedTuple):
@@ -48,8 +46,8 @@ class After(NamedTuple):
     reason: str = ""
     applied: tuple[tuple[int, Sequence[float]], ...] = ()
     """Surfaces that reset the state, in order, each with the state after its reset; ``x`` is the last of these."""
-    rest: Rest | None = None
-    """Rest after the limit of accumulating impacts."""
+    rest: tuple[Mode, float, tuple[float, ...]] | None = None
+    """Mode, time [s] and state at which a body comes to rest after the last of accumulating impacts."""
 
 
 Key = tuple[Mode, frozenset[int]]
@@ -151,7 +149,6 @@ class ModeTable:
         self.in_doubles: ModeEvaluation = known.in_doubles if known else in_doubles(system)
         self._entries: dict[Key, ModeEntry] = {}
         self._models: dict[Key, ModeFunctions] = known._models if known else {}
-        self._functions: dict[tuple[sp.Expr, ...], Scalar] = {}
 
     def __getitem__(self, mode: Mode) -> ModeEntry:
         return self.entry(mode)
@@ -248,9 +245,11 @@ class ModeTable:
 
     def values(self, expressions: tuple[sp.Expr, ...], t: float, x: Sequence[float]) -> list[float]:
         """Evaluate expressions in time and states at a point."""
-        if expressions not in self._functions:
-            self._functions[expressions] = scalar(self.system.states, [self.system.numeric(e) for e in expressions])
-        return list(self._functions[expressions](t, *x))
+        return list(self._function(expressions)(t, *x))
+
+    @cached_method
+    def _function(self, expressions: tuple[sp.Expr, ...]) -> Scalar:
+        return scalar(self.system.states, [self.system.numeric(e) for e in expressions])
 
     def guard_series(self, mode: Mode, t: float, x: Sequence[float]) -> list[list[float]]:
         return self.in_doubles.guard_series(mode, t, x)

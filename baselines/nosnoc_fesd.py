@@ -5,11 +5,10 @@ combination of signs) and treats sliding itself, by a complementarity system (St
 chooses Heaviside steps, whose alpha is the weight of a sign). Transitions are read from the ends of its finite
 elements: alpha changes between 0 and 1 at a crossing, and is between 0 and 1 while the surface slides.
 
-nosnoc has no error control. Its user chooses a grid, the number n of stages of Radau IIA (order 2 n - 1) and the
-tolerance of the complementarity. Here the tolerance of a row sets the last two (:data:`STAGES`): it is a level of
-effort, not a bound on an error. The grid is the same for all tolerances: twice as many equal control steps as SciPy's
-RK45 takes at 1e-3, each with two finite elements, so that motion and events are resolved. A control step can resolve
-one switch. A coarser grid gives wrong results without a warning (:mod:`henon_ref.baselines.causes.nosnoc_grid`).
+nosnoc has no error control: the tolerance of a row sets the number n of stages of Radau IIA (order 2 n - 1) and the
+tolerance of the complementarity. The grid is the same for all tolerances: twice as many equal control steps, each of
+which can resolve one switch, as SciPy's RK45 takes at 1e-3. A coarser grid gives wrong results without a warning
+(:mod:`henon_ref.baselines.causes.nosnoc_grid`).
 
 The homotopy parameter starts at 1e-2 and is multiplied by 1e-4 per step, a quarter of the work of the default. If
 IPOPT reports a control step as infeasible, the step is halved, up to twice, and then repeated with slower homotopies,
@@ -47,8 +46,6 @@ from henon_ref.solver import Run
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Status, Trajectory
 
-STAGES = ((1e-7, 3), (1e-10, 4), (0.0, 5))
-"""Pairs (bound, stages): the first pair whose bound is below the row's tolerance sets the number of stages."""
 GRID = 1e-3
 """Tolerance of the run whose steps are counted for the grid."""
 FEWEST = 20
@@ -59,8 +56,6 @@ HOMOTOPIES = ((1e-2, 1e-4), (1e-1, 1e-2), (1.0, 0.1))
 """Start and factor of each homotopy, tried in turn; the last is nosnoc's default."""
 HALVINGS = 2
 """Largest number of halvings of a control step that IPOPT cannot solve."""
-MOST_SURFACES = 3
-"""Largest number n of surfaces; they make 2**n regions."""
 
 
 class Nosnoc(LibrarySolver):
@@ -83,8 +78,8 @@ class Nosnoc(LibrarySolver):
         ):
             if beyond:
                 raise UnsupportedError(words)
-        if not 1 <= len(system.surfaces) <= MOST_SURFACES:
-            raise UnsupportedError(f"the adapter supports 1 to {MOST_SURFACES} surfaces, not {len(system.surfaces)}")
+        if not 1 <= len(system.surfaces) <= 3:  # n surfaces make 2**n regions
+            raise UnsupportedError(f"the adapter supports 1 to 3 surfaces, not {len(system.surfaces)}")
         self.loaded()
         return _Simulation(problem, rtol, self.landing, work).run
 
@@ -227,7 +222,7 @@ def _options(nosnoc: Any, rtol: float, length: float) -> Any:
     options.irk_scheme = nosnoc.IrkSchemes.RADAU_IIA
     options.irk_representation = nosnoc.IrkRepresentation.DIFFERENTIAL
     options.pss_mode = nosnoc.PssMode.STEP
-    options.n_s = next(stages for bound, stages in STAGES if rtol > bound)
+    options.n_s = 3 if rtol > 1e-7 else 4 if rtol > 1e-10 else 5
     options.N_finite_elements = ELEMENTS
     options.terminal_time = length
     options.comp_tol = options.sigma_N = _complementarity(rtol)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from typing import overload
 
@@ -26,8 +26,8 @@ GROUP, CHAIN = 4, 5
 """Events also accumulate if at least 5 successive groups of 4 events last at most half as long as the group before, and
 the last group is shorter than 16 sqrt(absolute tolerance) times the first group."""
 
-_Fields = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float]
-"""Fields of a :class:`Transition` in their order, without the landing."""
+_Fields = tuple[Kind, int, Mode, Mode, float, tuple[float, ...], float, str]
+"""Fields of a :class:`Transition` in their order."""
 
 
 class Transitions(Sequence[Transition]):
@@ -36,8 +36,8 @@ class Transitions(Sequence[Transition]):
     Building a transition costs as much as a step of the fastest library, and the run is timed.
     """
 
-    def __init__(self, events: list[_Fields], landing: str) -> None:
-        self._events, self._landing = events, landing
+    def __init__(self, events: list[_Fields]) -> None:
+        self._events = events
 
     def __len__(self) -> int:
         return len(self._events)
@@ -48,8 +48,8 @@ class Transitions(Sequence[Transition]):
     def __getitem__(self, at: slice) -> Transitions: ...
     def __getitem__(self, at: int | slice) -> Transition | Transitions:
         if isinstance(at, slice):
-            return Transitions(self._events[at], self._landing)
-        return Transition(*self._events[at], self._landing)
+            return Transitions(self._events[at])
+        return Transition(*self._events[at])
 
 
 class Record:
@@ -80,23 +80,26 @@ class Record:
         x: tuple[float, ...],
         before: Mode,
         after: Mode,
-        touched: Sequence[int],
+        touched: Collection[int],
         applied: Sequence[tuple[int, Sequence[float]]] = (),
+        landing: str = "",
     ) -> None:
         """Log one event: a transition for each sign that changes, a graze for each surface only touched.
 
-        ``applied`` lists the surfaces that have reset the state, in order, each with the state after its reset.
+        ``applied`` lists the surfaces that have reset the state, in order, each with the state after its reset;
+        ``landing`` is the method if it is not that of the whole run.
         """
         self._times.append(t)
+        how = landing or self.landing
         if applied:
             for i, place in rows_at(before, after, [surface for surface, _ in applied]):
                 kind: Kind = transition_kind(before[i], after[i]) if place is None else "reset"
                 state = x if place is None else tuple(applied[place][1])
-                self.events.append((kind, i, before, after, t, state, low))
+                self.events.append((kind, i, before, after, t, state, low, how))
             return
         for i, (old, new) in enumerate(zip(before, after, strict=True)):
             if old != new or i in touched:
-                self.events.append((transition_kind(old, new), i, before, after, t, x, low))
+                self.events.append((transition_kind(old, new), i, before, after, t, x, low, how))
 
     def accumulated(self, *, resting: bool = False) -> str:
         """Reason why the run must end here: events accumulate, or there are too many. Empty if the run may continue.
@@ -172,8 +175,8 @@ class Record:
         if self._samples is not None:
             modes = tuple(self._sample_modes) + (mode,) * (len(self._samples) - len(self._sample_modes))
         return Trajectory(
-            status, Transitions(self.events, self.landing), t, tuple(x), mode, reason, self.work.counts, self.drift,
-            self._samples, modes,
+            status, Transitions(self.events), t, tuple(x), mode, reason, self.work.counts, self.drift, self._samples,
+            modes,
         )  # fmt: skip
 
 

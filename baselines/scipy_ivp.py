@@ -3,14 +3,9 @@
 SciPy uses the sign of each event function at the starting point. A zero there (or a value one rounding on the wrong
 side) is reported as a root at once, unless a direction excludes it. With direction -1, a function that starts at +0
 has a root at once if the first step ends below zero; a function that starts one rounding below zero loses a true root
-in the first step. Therefore ``offset``, by which the guard starts clearly positive, is the default restart
-(:mod:`henon_ref.baselines.restart`): with it every method is right most often over the suite. ``event-free-step``,
-``direction`` and ``none`` can be chosen for comparison. ``docs/solvers.md`` lists the advice of SciPy's documentation
-that is followed.
-
-SciPy does not detect two roots of one event function inside one step. It locates roots by ``brentq`` on the dense
-output to ``4 eps (1 + abs(t))`` [s]. The state at an event is that of the dense output, which for Radau (a cubic) is
-less accurate than the steps.
+in the first step. The default restart ``offset`` starts the guard clearly positive. Roots are located by ``brentq`` on
+the dense output to ``4 eps (1 + abs(t))`` [s]; for Radau (a cubic) it is less accurate than the steps. Two roots of one
+function inside one step are not detected. What SciPy's documentation advises: ``docs/solvers.md``.
 """
 
 from __future__ import annotations
@@ -28,8 +23,6 @@ from henon_ref.baselines.mode_functions import EPSILON, Callbacks, ModeFunctions
 from henon_ref.baselines.restart import Restart
 from henon_ref.baselines.smooth_mode import SmoothMode
 
-IMPLICIT = ("Radau", "BDF", "LSODA")
-
 
 class _Mode(SmoothMode):
     """``solve_ivp`` on one mode."""
@@ -39,7 +32,7 @@ class _Mode(SmoothMode):
         own: ScipyIvp = library.solver
         self._rhs, self._root_tolerance = self.counted_field(own.callbacks), own.root_tolerance
         self._options: dict[str, Any] = {"method": own.method, "rtol": library.rtol, "atol": library.atol}
-        if own.method in IMPLICIT:
+        if own.implicit:
             self._options["jac"] = model.jacobian(own.callbacks)
         self._events: list[Any] = [*self.watchers, lambda t, x: self.divergence(t, x)]
         for event in self._events:  # SciPy reads both attributes
@@ -119,7 +112,7 @@ class ScipyIvp(Adapter):
 
     @property
     def implicit(self) -> bool:  # type: ignore[override]
-        return self.method in IMPLICIT
+        return self.method in ("Radau", "BDF", "LSODA")
 
 
 RK45 = ScipyIvp("scipy-rk45", "RK45")

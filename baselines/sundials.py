@@ -1,32 +1,24 @@
 """SUNDIALS' CVODE (Adams and BDF) and IDA by scikit-sundae, with their own rootfinding.
 
 CVODE ignores an event function that is exactly zero at the start until the function has left zero; a function that is
-one rounding off zero has its sign. Therefore the default restart is ``direction`` (:mod:`henon_ref.baselines.restart`):
-the guard is not changed, and only falling roots count. No restart is right more often over the suite. An event-free
-step is right less often, because CVODE no longer ignores a guard that stays at zero after the step. The first steps
-(order 1, with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance.
-``docs/solvers.md`` lists the advice of the documentation that is followed.
-
-Roots are located by the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``. A pair of roots
-inside one step is not detected. scikit-sundae keeps the events of earlier calls of an object, so that every run of a
-mode gets a new object. Its ``max_num_steps`` counts steps between outputs; only the deadline, which the callbacks
-check, bounds a run.
+one rounding off zero has its sign. With the default restart ``direction`` the guard is not changed, and only falling
+roots count. After an event-free step CVODE would no longer ignore a guard that stays at zero. The first steps (order 1,
+with Newton's iteration stopped at a part of the tolerance) move a guard by about the tolerance. Roots are located by
+the Illinois method on the Nordsieck polynomial to ``100 eps (abs(t) + abs(h))``; a pair of roots inside one step is not
+detected. What the documentation advises: ``docs/solvers.md``.
 
 IDA solves sliding as an index-1 DAE with the friction force as algebraic unknown. In slip the residual is ``x' - f(t,
 x)``. For each sliding surface the equivalent sign is a further unknown s_i with the equation ``dh_i/dt (t, x, s) = 0``,
 and the stick ends when s_i reaches -1 or +1. If a surface is a multiple of another one, its equation sets its sign to
 plus or minus the other sign. The DAE keeps ``dh/dt`` at zero, but not h, so that h drifts by about the tolerance
-during a stick. The driver projects the state onto the surface at the end of the stick and reports the drift. A
-``sliding`` override is integrated as an ODE. The initial state is consistent by construction (x' = f, s from the
-expression of the equivalent sign), so that no initial-condition solve is required. With the default ``offset`` IDA is
-right most often over the suite.
+during a stick; the driver projects the state onto the surface at its end. A ``sliding`` override is integrated as an
+ODE. The initial state is consistent by construction (x' = f, s from the expression of the equivalent sign).
 """
 
 from __future__ import annotations
 
 import io
 import os
-from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
@@ -49,13 +41,33 @@ from henon_ref.modes.equations import Guard
 os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 
-class _SundialsMode(SmoothMode):
-    """One mode on an integrator of scikit-sundae; subclasses set the attributes and implement ``start``."""
+class _CvodeMode(SmoothMode):
+    """One mode on an integrator of scikit-sundae; here CVODE."""
 
     function: Callable[..., None]
     """Right-hand side or residual."""
     options: dict[str, Any]
     """Options of the integrator."""
+
+    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
+        super().__init__(library, model, work, horizon)
+        self.build(library.solver)
+
+    def build(self, own: Sundials) -> None:
+        """Set ``function`` and ``options``."""
+        self.function, jacobian = _filling_field(self, own.callbacks), self.model.jacobian(own.callbacks)
+
+        def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+            jacobian.fill(t, x, out)
+
+        self.connect(jacfn, self.watchers, method=own.method)
+
+    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Return the initial arrays for the library's ``solve``; raise an arithmetic error if the field has no value.
+
+        ``x`` are the unknowns at ``t``.
+        """
+        return (x,)
 
     def connect(self, jacfn: Callable[..., None], watchers: Sequence[Watcher], dae: bool = False, **more: Any) -> None:
         """Set the options and ``more``. All events are terminal; the last event is the guard against divergence."""
@@ -74,13 +86,6 @@ class _SundialsMode(SmoothMode):
             "rtol": self.rtol, "atol": self.atol, "jacfn": jacfn, "max_num_steps": 1_000_000,
             "eventsfn": eventsfn, "num_events": count + 1, **more,
         }  # fmt: skip
-
-    @abstractmethod
-    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Return the initial arrays for the library's ``solve``; raise an arithmetic error if the field has no value.
-
-        ``x`` are the unknowns at ``t``.
-        """
 
     def integrate(self, t: float, x: NDArray[np.float64], until: float) -> Stop:
         try:
@@ -104,23 +109,6 @@ class _SundialsMode(SmoothMode):
         if result.t_events is None:
             return self.stopped(until, state)
         return self.stopped(end, state, np.flatnonzero(result.i_events[-1]).tolist())
-
-
-class _CvodeMode(_SundialsMode):
-    """One mode on CVODE."""
-
-    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        super().__init__(library, model, work, horizon)
-        own: Sundials = library.solver
-        self.function, jacobian = _filling_field(self, own.callbacks), model.jacobian(own.callbacks)
-
-        def jacfn(t: float, x: NDArray[np.float64], xp: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-            jacobian.fill(t, x, out)
-
-        self.connect(jacfn, self.watchers, method=own.method)
-
-    def start(self, t: float, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        return (x,)
 
 
 def _filling_field(mode: SmoothMode, callbacks: Callbacks) -> Callable[..., None]:
@@ -148,15 +136,14 @@ def _ready(function: Callable[..., None], unknowns: int, points: int = 1) -> Cal
     return function
 
 
-class _IdaMode(_SundialsMode):
+class _IdaMode(_CvodeMode):
     """One mode on IDA, as a DAE in ``y = (x, g, s)``: ``(x, g)' = f(t, y)``, ``0 = c(t, y)``.
 
     x are the states, g copies of the followed guards (:meth:`ModeFunctions.start`), s the equivalent signs.
     """
 
-    def __init__(self, library: Library, model: ModeFunctions, work: Work, horizon: float) -> None:
-        super().__init__(library, model, work, horizon)
-        callbacks, system = library.solver.callbacks, model.system
+    def build(self, own: Sundials) -> None:
+        model, callbacks, system = self.model, own.callbacks, self.model.system
         self._sliding = sliding = tuple(model.equations.equivalent_signs)
         """Surfaces whose equivalent sign is an unknown, in order; none in slip or under a ``sliding`` override."""
         seen = [k for k in model.followed if not self._by_sign(model.guards[k])]

@@ -49,11 +49,6 @@ def slopes_of(
 
 
 @lru_cache(maxsize=4096)
-def normal_velocity(system: FilippovSystem, index: int) -> sp.Expr:
-    return system.numeric(system.normal_velocity(index))
-
-
-@lru_cache(maxsize=4096)
 def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
     """Return the function of a surface on which a mode begins or ends.
 
@@ -62,7 +57,7 @@ def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
     the gradient. The step moves x only by the rounding or tolerance error in h.
     """
     states = system.states
-    h, normal = system.numeric(system.surfaces[index]), normal_velocity(system, index)
+    h, normal = (system.numeric(e) for e in (system.surfaces[index], system.normal_velocity(index)))
     sides = [normal.xreplace(system.entries(replaced(mode, index, side))) for side in (-1, 1)]
     gradient = [sp.diff(h, x) for x in states]
     square = sp.Add(*(d**2 for d in gradient))

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.motion import draw_portrait
 from henon_ref.figures.style import description_of, with_description
-from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.report.svg import shortened
+from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.text import markdown
@@ -78,10 +78,10 @@ def _scene(case: Case) -> Iterator[str]:
 
 
 def _table(case: Case, reading: Reading) -> Iterator[str]:
-    statement = stored_statement(case, reading)
-    if statement is None or statement.expected is None:
+    truth = stored_truth(case, reading)
+    if truth is None:
         raise SystemExit(f"{case.name}, {reading.name}: no truth is stored; run henon-ref truth {case.path}")
-    found = statement.expected.transitions
+    found = truth.transitions
     if not found:
         yield "\nNo transition happens.\n"
         return
@@ -104,7 +104,7 @@ def picture(case: Case) -> str:
     run = simulate(system, system.initial, until=system.until, start=system.start, mode=system.mode)
     names = reading.problem.system.state_names
     pair = tuple(names.index(name) for name in PLANES.get(case.name, ()))
-    figure = draw_portrait(reading, run.motion(POINTS), (pair[0], pair[1]) if pair else None)
+    figure = draw_portrait(reading.problem.system, run.motion(POINTS), (pair[0], pair[1]) if pair else None)
     assert figure is not None  # a scene has two states and more
     return _svg(figure)
 

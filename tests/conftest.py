@@ -15,7 +15,7 @@ import hypothesis
 import matplotlib
 import pytest
 from commands import SOLVERS, drawing
-from fakes import CASE, statement
+from fakes import CASE, truth
 from often import EVERY_PYTHON
 from problems import make_problem
 
@@ -92,10 +92,10 @@ def problem():
 def made_up_solvers(monkeypatch, tmp_path):
     """In place of real ones in the command, whose folder is a temporary one."""
     monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: drawing(result.reading.name))
-    monkeypatch.setattr(jobs, "statement_of", statement)
+    monkeypatch.setattr(jobs, "truth_of", truth)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     for module in worker_process, pool:  # workers have them by fork alone, which threads of earlier tests would prevent
-        monkeypatch.setattr(module, "start_method", lambda: worker_process.FORK)
+        monkeypatch.setattr(module, "start_method", lambda: "fork")
     monkeypatch.chdir(tmp_path)
     handler = signal.getsignal(signal.SIGTERM)
     yield

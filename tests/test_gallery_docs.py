@@ -10,7 +10,8 @@ from types import ModuleType
 import pytest
 from shipped import read
 
-from henon_ref.harness.campaign.jobs import stored_statement
+from henon_ref.harness.campaign.comparison import expected_of
+from henon_ref.harness.truth.compute import stored_truth
 
 DOCS = Path(__file__).parent.parent / "docs"
 LARGEST = 500_000
@@ -47,10 +48,10 @@ def test_times_that_a_story_calls_proven_are_those_of_the_stored_truth(gallery: 
         for reading in case.readings:
             named = re.findall(r"proven (?:are|is) ([\d.]+)(?: and ([\d.]+))?", " ".join((reading.story or "").split()))
             for digits in (own.rstrip(".") for pair in named for own in pair if own):
-                statement = stored_statement(case, reading)
-                assert statement is not None
-                assert statement.expected is not None
+                truth = stored_truth(case, reading)
+                assert truth is not None
+                expected = expected_of(reading, truth)
                 decimals = len(digits.partition(".")[2])
-                assert digits in {f"{event.time:.{decimals}f}" for event in statement.expected.transitions}
+                assert digits in {f"{event.time:.{decimals}f}" for event in expected.transitions}
                 checked += 1
     assert checked >= 3

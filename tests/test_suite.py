@@ -18,7 +18,7 @@ from shipped import CASES, paths, read, readings, shipped
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import Case, Reading, load_case
-from henon_ref.harness.campaign.jobs import stored_statement
+from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.score.errors import score
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.store import folder_of
@@ -98,14 +98,14 @@ def _check_order(run: Trajectory) -> None:
 
 def _check_verdict(case: Case, reading: Reading, run: Trajectory) -> None:
     """What no double decides: no transition of the truth has a finite conditioning, and scoring says no other word."""
-    statement = stored_statement(case, reading)
-    assert statement is not None
-    assert statement.expected is not None
-    assert statement.expected.transitions
-    assert all(t.conditioning == inf for t in statement.expected.transitions), "a well-posed question"
+    truth = stored_truth(case, reading)
+    assert truth is not None
+    expected = expected_of(reading, truth)
+    assert expected.transitions
+    assert all(t.conditioning == inf for t in expected.transitions), "a well-posed question"
     assert reading.expect is not None
     for tolerance in reading.tolerances:
-        assert score(run, statement.expected, tolerance=tolerance).verdict.word in ("right", reading.expect.verdict)
+        assert score(run, expected, tolerance=tolerance).verdict.word in ("right", reading.expect.verdict)
 
 
 def _check_modes(reading: Reading, run: Trajectory) -> None:

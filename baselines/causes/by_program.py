@@ -17,8 +17,6 @@ from henon_ref.errors import UnavailableError
 
 PROGRAMS = Path(__file__).parent / "programs"
 """Folder of the programs in other languages."""
-SECONDS = 300.0
-"""Largest wall time of a program [s]."""
 from_c, octave = partial(cause, "sundials"), partial(cause, "octave")
 siconos = partial(cause, "siconos", docs="https://nonsmooth.gricad-pages.univ-grenoble-alpes.fr/siconos/")
 
@@ -33,13 +31,10 @@ class Printed(dict[str, list[list[float]]]):
 def printed(command: Sequence[str], environment: dict[str, str] | None = None) -> Printed:
     """Run a program whose lines consist of a name and numbers; other lines, printed by the library, are ignored.
 
-    Raises
-    ------
-    ClaimError
-        If the program cannot be run.
+    ClaimError if the program cannot be run.
     """
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=SECONDS, check=False, env=environment)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300.0, check=False, env=environment)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ClaimError(f"{command[0]}: {error}") from error
     found = Printed()

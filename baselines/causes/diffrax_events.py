@@ -9,7 +9,7 @@ from typing import Any
 from henon_ref.baselines.causes.base import cause, holds
 
 shows = partial(cause, "diffrax", docs="https://docs.kidger.site/diffrax/api/events/", apart=True)
-ISSUES = "https://github.com/patrick-kidger/diffrax/issues"
+GITHUB = "https://github.com/patrick-kidger/diffrax"
 TOLERANCE = 1e-12
 
 
@@ -60,11 +60,7 @@ def _ball(t: Any, y: Any) -> list[Any]:
     return [y[1], -1.0]
 
 
-@shows(
-    "diffrax-last-root",
-    "The last root of a step, not the first",
-    "https://github.com/patrick-kidger/diffrax/pull/644",
-)
+@shows("diffrax-last-root", "The last root of a step, not the first", f"{GITHUB}/pull/644")
 def last_root() -> str:
     """The root finder starts at the end of the step: Newton's method converges to the last root, bisection to any root
     in the step. The adapter uses bisection; of three roots in a step it may find any.
@@ -87,7 +83,7 @@ def pair_in_one_step() -> str:
     return "roots at t = 0.995 and 1.005, in one of steps of 0.3, are not reported; the run ends at 2"
 
 
-@shows("diffrax-list-order", "Of several conditions the first in the list counts", f"{ISSUES}/639")
+@shows("diffrax-list-order", "Of several conditions the first in the list counts", f"{GITHUB}/issues/639")
 def first_in_the_list() -> str:
     """If two conditions change sign in one step, the run stops at the root of the condition that is listed first,
     although the other root may be earlier. The adapter passes one condition, the minimum of all guards.

@@ -73,15 +73,13 @@ def bounce_falls_through() -> str:
     return f"a ball dropped from 1 m onto a floor at 0, restitution 0.8, is at {lowest:.1f} m by t = 4 s"
 
 
-TAN = "import pydiffsol; pydiffsol.Ode('u_i { y = 0.5 } F_i { tan(y) }'); print('made')"
-
-
 @shows("diffsol-tan", "tan ends the process", f"{DIFFSL}/functions.html")
 def tangent_ends_the_process() -> str:
     """Enzyme, which differentiates the model, does not know LLVM's intrinsic for the tangent, and aborts. The adapter
     writes a quotient.
     """
-    done = subprocess.run([sys.executable, "-c", TAN], capture_output=True, text=True, check=False, timeout=120)
+    text = "import pydiffsol; pydiffsol.Ode('u_i { y = 0.5 } F_i { tan(y) }'); print('made')"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=False, timeout=120)
     holds(done.returncode != 0 and "made" not in done.stdout, f"exit status {done.returncode}")
     said = next((line.strip() for line in done.stderr.splitlines() if "Enzyme" in line), "")
     holds(bool(said), f"it says {done.stderr[-200:]}")

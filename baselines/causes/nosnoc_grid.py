@@ -12,7 +12,6 @@ import numpy as np
 from henon_ref.baselines.causes.base import cause, holds
 
 shows = partial(cause, "nosnoc", docs="https://nosnoc-py.readthedocs.io/en/latest/", apart=True)
-REPOSITORY = "https://github.com/nosnoc/nosnoc_py"
 
 
 def simulated(model: Any, until: float, steps: int) -> Any:
@@ -74,7 +73,7 @@ def release_is_put_on_the_grid() -> str:
     )
 
 
-@shows("nosnoc-shared-options", "Options are shared between objects", REPOSITORY)
+@shows("nosnoc-shared-options", "Options are shared between objects", "https://github.com/nosnoc/nosnoc_py")
 def options_are_shared() -> str:
     """IPOPT's options are a dictionary of the class: an option set for one object is set for all. The adapter makes a
     copy.

@@ -9,7 +9,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.kernel.library import load
@@ -26,8 +25,3 @@ def rows(array: NDArray[Any], kind: str = "double") -> Any:
     ``kind`` is the C type of an entry, or a structure of doubles that is the type of a row.
     """
     return ffi.from_buffer(f"{kind}[]", array)
-
-
-def flags(array: NDArray[np.bool_]) -> Any:
-    """Return a C pointer to an array of booleans."""
-    return rows(array, "uint8_t")

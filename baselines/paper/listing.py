@@ -33,17 +33,13 @@ Floats = NDArray[np.float64]
 
 PARAMETERS = ("m", "k1", "k2", "mu0", "vp", "A", "w")
 """Names of the parameters that the listing reads."""
-_WIDTH, _ANGLES = 2 * math.sqrt(3) / 3, (math.cos(math.pi / 9), math.cos(2 * math.pi / 9), math.sin(math.pi / 18))
-EDGES = np.array([_WIDTH * v for v in (*_ANGLES, *(-v for v in reversed(_ANGLES)))])
+_UPPER = 2 * math.sqrt(3) / 3 * np.array([math.cos(math.pi / 9), math.cos(2 * math.pi / 9), math.sin(math.pi / 18)])
+EDGES = np.array([*_UPPER, *-_UPPER[::-1]])
 """Tangent points z of Eq. (24), highest first: the stick zones are [1, 0], [3, 2] and [5, 4]."""
 PRINTED_STEP = 1e-4
 """The step of the appendix [s]."""
-MAX_STEPS = 200_000_000
-"""Largest number of steps of a run."""
 MAX_CHANGES = 200_000
 """Largest number of changes of mode; the listing at h = 1e-4 makes 180."""
-MAX_VARIANT_CHANGES = 20_000
-"""Number of changes of mode after which a run of a variant counts as chattering."""
 DEFECTS: dict[str, str] = {
     "aliased_steps": "`xn = x` names one list twice: every Runge-Kutta stage moves the state itself",
     "one_sided_release": "a stick is tested against the upper tangent point only",
@@ -77,11 +73,7 @@ class Listing:
     name = "henon-listing"
     fixed_step = True
     landing = "listing"
-
-    @property
-    def version(self) -> str:
-        """Name and version of the C compiler."""
-        return COMPILER
+    version = COMPILER
 
     def prepare(
         self,
@@ -93,20 +85,14 @@ class Listing:
         sample_times: Floats | None = None,
         deadline: float | None = None,
     ) -> Run:
-        """Check the system (see :class:`henon_ref.solver.Solver`).
-
-        Raises
-        ------
-        UnsupportedError
-            If the system is another one, or there is no positive step.
-        """
+        """Check the system and the step (see :class:`henon_ref.solver.Solver`)."""
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
         numbers = listing_parameters(problem)
         until = float(problem.until)
         steps = round((until - float(problem.start)) / step)
-        if steps > MAX_STEPS:
-            raise UnsupportedError(f"{self.name} has no deadline and supports at most {MAX_STEPS:.0e} steps")
+        if steps > 2e8:
+            raise UnsupportedError(f"{self.name} has no deadline and supports at most 2e+08 steps")
         start = _start(problem)
         start_mode = _start_mode(start, numbers[4])
 
@@ -142,10 +128,7 @@ LISTING = Listing()
 def listing_parameters(problem: Problem) -> tuple[float, ...]:
     """Return m, k1, k2, mu0, vp, A, w of a problem with the listing's system, rounded to doubles.
 
-    Raises
-    ------
-    UnsupportedError
-        If the system is another one; the message names the difference.
+    If the system is another one, the UnsupportedError names the difference.
     """
     named = {symbol.name: symbol for symbol in problem.system.parameters}
     missing = [name for name in PARAMETERS if name not in named]
@@ -222,18 +205,8 @@ def effective_changes(changes: Floats, start: int) -> Floats:
     """Merge each release that the next step undoes with the change of that step.
 
     Such a release goes to one side, and the next step lands again and turns to the other side. The result has one
-    release to the other side, at the time of the release.
-
-    Parameters
-    ----------
-    changes : ndarray, shape (k, 5)
-        Step, time, position, velocity and mode after each change.
-    start : int
-        Mode before the first change.
-
-    Returns
-    -------
-    ndarray, shape (at most k, 5)
+    release to the other side, at the time of the release. ``changes``: step, time, position, velocity and mode after
+    each change, shape (k, 5); ``start``: mode before the first change.
     """
     modes = changes[:, 4]
     released = np.concatenate(([start], modes[:-1])) == 0
@@ -299,8 +272,8 @@ def run_variant(
         If a defect is unknown.
     """
     numbers = fig8_numbers()
-    changes = np.empty((MAX_VARIANT_CHANGES, 5))
-    path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * MAX_VARIANT_CHANGES, 3))
+    changes = np.empty((20_000, 5))  # with more changes a run counts as chattering
+    path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * len(changes), 3))
     x = np.array([0.0, *((EDGES[3], numbers[4]) if start is None else start)])
     first = 0 if start is None else -1 if start[1] < numbers[4] else 1
     end = lib.variant_run(

@@ -11,38 +11,32 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
-from weakref import WeakKeyDictionary
+from functools import lru_cache
+from operator import itemgetter
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.baselines.library import Times, Work
 from henon_ref.baselines.paper import COMPILER
 from henon_ref.baselines.paper.rk4_kernel import EVENT, NO_GUARD, NOT_FINITE, Floats, Kernel, crossed_guards, land
+from henon_ref.baselines.record import Record
+from henon_ref.baselines.surface_functions import surface
 from henon_ref.errors import UnsupportedError
-from henon_ref.jit.processor_time import Deadline, compiling
+from henon_ref.jit.processor_time import compiling
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.mode import Mode, replaced, sign_after, transition_kind
-from henon_ref.modes.mode_evaluation import in_doubles
+from henon_ref.modes.mode import Mode, replaced, sign_after
+from henon_ref.modes.mode_evaluation import ModeEvaluation, in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event, initial_mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
-from henon_ref.taylor.tape import TIME
-from henon_ref.trajectory import Counts, Status, Trajectory, Transition, without_hidden_kinks
+from henon_ref.trajectory import Status, Trajectory, without_hidden_kinks
 
-CHUNK = 200_000
-"""Largest number of steps between two checks of the clock."""
-TOGETHER = 1e-12
-"""Guards that land within this time of each other [s] are one event."""
 CROWDED = 100
 """Number of events within the length of one step after which the run fails: events accumulate, or the run chatters."""
-HUGE = 1e10
-"""A run whose state is no longer finite has diverged if the state before was larger than this; otherwise it failed."""
-
-_KERNELS: WeakKeyDictionary[FilippovSystem, dict[Mode, Kernel]] = WeakKeyDictionary()
-"""Compiled kernels of each system and mode, for all step lengths."""
 
 
 class HenonRK4:
@@ -64,11 +58,7 @@ class HenonRK4:
     name = "henon-rk4"
     fixed_step = True
     landing = "henon"
-
-    @property
-    def version(self) -> str:
-        """Name and version of the C compiler."""
-        return COMPILER
+    version = COMPILER
 
     def prepare(
         self,
@@ -83,85 +73,50 @@ class HenonRK4:
         """Compile every mode that the run visits, by one run (see :class:`henon_ref.solver.Solver`).
 
         A process compiles a system once, for all step lengths.
-
-        Raises
-        ------
-        UnsupportedError
-            If there is no positive step, or the system has jumps of the state.
         """
         if problem.system.resets:
             raise UnsupportedError(f"{self.name} does not support jumps of the state")
         if step is None or not step > 0:
             raise UnsupportedError(f"{self.name} needs a positive step, got {step}")
-        wanted = np.empty(0) if sample_times is None else np.asarray(sample_times, dtype=float)
-        plan = _Plan(problem, step)
-        _Integration(plan, wanted, deadline).run()
+        modes = in_doubles(problem.system)
 
         def run() -> Trajectory:
-            return without_hidden_kinks(_Integration(plan, wanted, deadline).run(), problem.system)
+            found = _Integration(problem, step, modes, sample_times, deadline).run()
+            return without_hidden_kinks(found, problem.system)
 
+        run()
         return run
 
 
 RK4 = HenonRK4()
 
 
-class _Plan:
-    """Compiled kernels and switching rule of one problem, shared by all its runs."""
-
-    def __init__(self, problem: Problem, step: float) -> None:
-        self.problem = problem
-        self.step = step
-        self.in_doubles = in_doubles(problem.system)
-        system = problem.system
-        surfaces = [system.numeric(h) for h in system.surfaces]
-        normals = [system.numeric(system.normal_velocity(i)) for i in range(len(surfaces))]
-        self.surfaces = sp.lambdify((TIME, *system.states), surfaces, "math")
-        self._normals = sp.lambdify((TIME, *system.states, *system.signs), normals, "math", cse=True)
-        self._kernels = _KERNELS.setdefault(system, {})
-
-    def kernel(self, mode: Mode) -> Kernel:
-        if mode not in self._kernels:
-            with compiling():
-                self._kernels[mode] = Kernel(self.problem.system, mode)
-        return self._kernels[mode]
-
-    def after_event(self, t: float, x: Sequence[float], mode: Mode, hits: Sequence[Guard]) -> Decision:
-        """Select the next mode: by two normal velocities if they decide it, otherwise by :func:`.after_event`."""
-        i = hits[0].index
-        # The slip fields may select the next mode, unless a hold zone decides sticking on the surface.
-        if len(hits) == 1 and hits[0].kind == "surface" and 0 not in mode and not self.problem.system.held_inside(i):
-            try:
-                sign = sign_after(*(self._normals(t, *x, *replaced(mode, i, s))[i] for s in (-1, 1)))
-            except (ArithmeticError, ValueError):
-                sign = None
-            if sign is not None:
-                return Decision("unique", replaced(mode, i, sign))
-        return after_event(self.in_doubles.at(t, x), mode, hits)
+@lru_cache(maxsize=64)
+def _kernel(system: FilippovSystem, mode: Mode) -> Kernel:
+    """Compiled kernel of a mode, for all step lengths."""
+    with compiling():
+        return Kernel(system, mode)
 
 
 class _Integration:
     """One run: the mode loop around the compiled kernels."""
 
-    def __init__(self, plan: _Plan, wanted: Floats, deadline: float | None) -> None:
-        problem = plan.problem
-        self.plan = plan
-        self.deadline = Deadline(deadline)
+    def __init__(
+        self, problem: Problem, step: float, modes: ModeEvaluation, wanted: Times, deadline: float | None
+    ) -> None:
+        self.problem, self.system, self.step, self.modes = problem, problem.system, step, modes
+        self.work = Work(deadline)
+        self.record = Record(self.work, problem, "henon", sample_times=wanted)
         self.time, self.time_low = float(problem.start), 0.0
         self.until = float(problem.until)
         self.x: Floats = np.array([float(v) for v in problem.initial])
-        self.mode: Mode = (0,) * len(problem.system.surfaces)
-        self.transitions: list[Transition] = []
-        self.drift = 0.0
-        self.steps = self.landings = 0
-        self.wanted, self.filled = wanted, 0
-        self.samples = np.full((wanted.size, self.x.size), np.nan)
-        self.sample_modes: list[Mode] = []
+        self.mode: Mode = (0,) * len(self.system.surfaces)
+        self.wanted: Floats = np.array([] if wanted is None else wanted, dtype=float)
+        self.samples, self.filled = np.empty((self.wanted.size, self.x.size)), 0
 
     def run(self) -> Trajectory:
         """Integrate to the horizon, or to an earlier end."""
-        problem = self.plan.problem
-        decision = initial_mode(self.plan.in_doubles.at_start(problem), problem)
+        decision = initial_mode(self.modes.at_start(self.problem), self.problem)
         recent: deque[float] = deque(maxlen=CROWDED)
         while decision.mode is not None:
             self.mode = decision.mode
@@ -170,24 +125,27 @@ class _Integration:
                 return self._result(*ended)
             decision = ended
             recent.append(self.time)
-            if len(recent) == CROWDED and self.time - recent[0] < self.plan.step:
+            if len(recent) == CROWDED and self.time - recent[0] < self.step:
                 return self._result("failed", f"{CROWDED} events within one step at t = {self.time:.17g}")
         return self._result(decision.ending, decision.reason)
 
     def _through_mode(self) -> Decision | tuple[Status, str]:
         """Step through one mode; return the decision at its end, or the status and reason of the run's end."""
-        kernel, h = self.plan.kernel(self.mode), self.plan.step
+        kernel, h = _kernel(self.system, self.mode), self.step
         new = np.empty_like(self.x)
         armed = np.array(kernel.values(self.time, self.x)) > 0
         done, last = 0, int((self.until - self.time) / h)
         while True:
             first = done
-            done, self.filled, code = kernel.advance(
-                self.time, (first, min(first + CHUNK, last)), h, self.x, armed, new,
+            # The clock is checked after at most 200,000 steps.
+            done, filled, code = kernel.advance(
+                self.time, (first, min(first + 200_000, last)), h, self.x, armed, new,
                 self.wanted, self.samples, self.filled,
             )  # fmt: skip
-            self._record_modes()
-            self.steps += done - first + (code == EVENT)
+            self._sampled(filled)
+            taken = done - first + (code == EVENT)
+            self.work.steps, self.work.events = self.work.steps + taken, self.work.events + taken
+            self.work.rhs += 4 * taken
             if code == EVENT:
                 self._move(done * h)
                 return self._event(kernel, h, armed, new)
@@ -199,7 +157,7 @@ class _Integration:
                 done, last, h = 0, 1, self.until - self.time
                 if h <= 0 or self.time + h == self.time:
                     return "ok", ""
-            elif self.deadline.passed():
+            elif self.work.clock.passed():
                 self._move(done * h)
                 return "timeout", f"out of time at t = {self.time:.17g}"
 
@@ -210,49 +168,59 @@ class _Integration:
         landings = {i: landing for i, landing in found.items() if landing is not None}
         if len(landings) < len(found):
             return "failed", f"a guard is not a number on the step from t = {t:.17g}"
-        self.landings += len(landings)
+        self.work.rhs += 4 * len(landings)
         if not found:  # the compiled loop rounds the time differently; the next step will cross the guard
             self._sample_up_to(kernel, h)
             self._move(h)
             self.x = new.copy()
             return Decision("unique", self.mode)
-        first = min(landings.values(), key=lambda landing: landing.offset)
-        hits = [kernel.guards[i] for i, landing in landings.items() if landing.offset <= first.offset + TOGETHER]
-        self._sample_up_to(kernel, first.offset)
-        self._move(first.offset)
-        self.x = first.state
+        offset, self.x, how = min(landings.values(), key=itemgetter(0))
+        # Guards that land within 1e-12 s of each other are one event.
+        hits = [kernel.guards[i] for i, (other, *_) in landings.items() if other <= offset + 1e-12]
+        self._sample_up_to(kernel, offset)
+        self._move(offset)
         state = tuple(self.x.tolist())
-        self._note_drift(g.index for g in hits if g.kind == "surface")
-        decision = self.plan.after_event(self.time, state, self.mode, hits)
+        touched = {g.index for g in hits if g.kind == "surface"}
+        self._note_drift(touched)
+        decision = self._after_event(state, hits)
         if decision.mode is not None:
-            self._report(decision.mode, hits, state, first.how)
-        if self.deadline.passed():
+            self.record.event(self.time, self.time_low, state, self.mode, decision.mode, touched, landing=how)
+        if self.work.clock.passed():
             return "timeout", f"out of time at t = {self.time:.17g}"
         return decision
 
     def _sample_up_to(self, kernel: Kernel, offset: float) -> None:
         """Fill the samples up to ``offset`` after the current time."""
-        while self.filled < self.wanted.size and self.wanted[self.filled] <= self.time + offset:
-            kernel.step(self.time, self.x, self.wanted[self.filled] - self.time, self.samples[self.filled])
-            self.filled += 1
-        self._record_modes()
+        filled = self.filled
+        while filled < self.wanted.size and self.wanted[filled] <= self.time + offset:
+            kernel.step(self.time, self.x, self.wanted[filled] - self.time, self.samples[filled])
+            filled += 1
+        self._sampled(filled)
+
+    def _sampled(self, filled: int) -> None:
+        self.record.sampled(self.samples[self.filled : filled], self.mode)
+        self.filled = filled
+
+    def _after_event(self, x: Sequence[float], hits: Sequence[Guard]) -> Decision:
+        """Select the next mode: by two normal velocities if they decide it, otherwise by :func:`.after_event`."""
+        at, mode, i = self.modes.at(self.time, x), self.mode, hits[0].index
+        # The slip fields may select the next mode, unless a hold zone decides sticking on the surface.
+        if len(hits) == 1 and hits[0].kind == "surface" and 0 not in mode and not self.system.held_inside(i):
+            try:
+                sign = sign_after(*at.sides(mode, i))
+            except ARITHMETIC:
+                sign = None
+            if sign is not None:
+                return Decision("unique", replaced(mode, i, sign))
+        return after_event(at, mode, hits)
 
     def _lost(self, code: int) -> tuple[Status, str]:
         """Status and reason of a run whose next step is not finite."""
         if code == NO_GUARD:
             return "failed", f"a guard is not a number after t = {self.time:.17g}"
-        if np.abs(self.x).max() > HUGE:
+        if np.abs(self.x).max() > 1e10:  # otherwise the run has failed
             return "diverged", f"the state is no longer finite after t = {self.time:.17g}"
         return "failed", f"the field is not a number after t = {self.time:.17g}"
-
-    def _report(self, mode: Mode, hits: Sequence[Guard], state: tuple[float, ...], how: str) -> None:
-        touched = {g.index for g in hits if g.kind == "surface"}
-        for i, (old, entry) in enumerate(zip(self.mode, mode, strict=True)):
-            if old != entry or i in touched:
-                kind = transition_kind(old, entry)
-                self.transitions.append(
-                    Transition(kind, i, self.mode, mode, self.time, state, time_low=self.time_low, landing=how)
-                )
 
     def _move(self, duration: float) -> None:
         """Advance the time in double-double arithmetic."""
@@ -262,28 +230,12 @@ class _Integration:
         self.time = total + low
         self.time_low = low - (self.time - total)
 
-    def _record_modes(self) -> None:
-        self.sample_modes += [self.mode] * (self.filled - len(self.sample_modes))
-
     def _note_drift(self, surfaces: Iterable[int]) -> None:
         on = {*surfaces, *(i for i, s in enumerate(self.mode) if s == 0)}
-        if on:
-            h = self.plan.surfaces(self.time, *self.x.tolist())
-            self.drift = max(self.drift, *(abs(h[i]) for i in on))
+        values = (surface(self.system, i)[0](self.time, *self.x.tolist())[0] for i in on)
+        self.record.drift = max([self.record.drift, *map(abs, values)])
 
     def _result(self, status: Status, reason: str) -> Trajectory:
         if status == "ok":
             self._note_drift(())
-        count = len(self.wanted)
-        return Trajectory(
-            status=status,
-            transitions=tuple(self.transitions),
-            end_time=self.time,
-            end_state=tuple(self.x.tolist()),
-            end_mode=self.mode,
-            reason=reason,
-            counts=Counts(self.steps, 4 * (self.steps + self.landings), self.steps),
-            max_surface_drift=self.drift,
-            samples=self.samples if count else None,
-            sample_modes=tuple(self.sample_modes + [self.mode] * (count - self.filled)) if count else None,
-        )
+        return self.record.finish(status, self.time, self.x.tolist(), self.mode, reason)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from henon_ref.baselines.paper import ffi, flags, lib, rows
+from henon_ref.baselines.paper import ffi, lib, rows
 from henon_ref.expressions.bounds import double_double
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
@@ -32,12 +31,8 @@ class Kernel:
     """Equations of one mode.
 
     The loop and its steps are C code for all systems (``rk4.c``); field and guards are machine code generated from the
-    tape. Landings use plain Python functions, because they are too rare to be worth a compilation.
-
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
+    tape. Landings use plain Python functions, because they are too rare to be worth a compilation. ModelError if the
+    mode has no equations.
     """
 
     def __init__(self, system: FilippovSystem, mode: Mode) -> None:
@@ -61,7 +56,7 @@ class Kernel:
                 *(n, len(expressions)),
                 *(ffi.cast("rk4_values", self._code.address(name)) for name in names),
                 *map(rows, self._constants),
-                flags(self.rising_only),
+                rows(self.rising_only, "uint8_t"),
             ],
         )
         self._states, self._room = n, 4 * n + len(expressions)
@@ -100,21 +95,10 @@ class Kernel:
         the state before the step that crossed a guard, and ``new`` the state after the step.
         """
         room = np.empty(self._room)
-        state = rows(x), rows(new), flags(armed), rows(wanted)
+        state = rows(x), rows(new), rows(armed, "uint8_t"), rows(wanted)
         given = ffi.new("struct rk4_steps *", [base, h, *steps, *state, wanted.size, rows(samples), filled, rows(room)])
         code = lib.rk4_advance(self._mode, given)
         return given.first, given.filled, code
-
-
-@dataclass(frozen=True)
-class Landing:
-    """Landing of a step that crossed a guard."""
-
-    offset: float
-    """Time from the start of the step [s]."""
-    state: Floats
-    how: str
-    """``henon`` or ``bracket``."""
 
 
 def _numbers(system: FilippovSystem, tape: Tape) -> Floats:
@@ -140,8 +124,10 @@ def crossed_guards(kernel: Kernel, t: float, x: Floats, armed: NDArray[np.bool_]
     ]
 
 
-def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float) -> Landing | None:
+def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float) -> tuple[float, Floats, str] | None:
     """Land the step from (t, x) to (t + h, new), which crossed guard ``which``, on that guard.
+
+    Return the time from the start of the step [s], the state, and the method (``henon`` or ``bracket``).
 
     Hénon's swap is used if the guard is steep. Otherwise Brent's method finds the step length at which the guard is
     zero; it has order 4, too, and does not divide by the guard's rate. The result is None if the guard is not a number
@@ -149,7 +135,7 @@ def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float)
     """
     swapped = _swapped(kernel, which, t + h, new.tolist())
     if swapped is not None and -h <= swapped[0] <= 0:
-        return Landing(h + swapped[0], swapped[1], "henon")
+        return h + swapped[0], swapped[1], "henon"
     state = np.empty_like(x)
 
     def along(offset: float) -> float:
@@ -163,7 +149,7 @@ def land(kernel: Kernel, which: int, t: float, x: Floats, new: Floats, h: float)
     except ValueError:
         return None
     along(offset)
-    return Landing(offset, state, "bracket")
+    return offset, state, "bracket"
 
 
 def _swapped(kernel: Kernel, which: int, t: float, x: list[float]) -> tuple[float, Floats] | None:

@@ -20,6 +20,7 @@ from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from henon_ref.baselines.protocol.exchange import command_output
 from henon_ref.baselines.protocol.messages import Guard, Mode, Problem
 from henon_ref.baselines.protocol.problem_text import renamed
 from henon_ref.baselines.protocol.program import ProgramSolver
@@ -27,27 +28,14 @@ from henon_ref.errors import UnavailableError
 from henon_ref.jit.cache_folder import cache_root
 from henon_ref.text import short_line
 
-SOURCES = ("cvode.c", "json.h", "response.h")
-EQUATIONS = "problem.h"
 FLAGS = ("-O2", "-std=gnu11", "-ffp-contract=off", "-fno-math-errno")
-LIBRARIES = ("sundials_cvode", "sundials_nvecserial", "m")
-COMPILERS = ("cc", "gcc", "clang")
 VARIABLE = "CC"
 """Environment variable that names the compiler."""
 PREFIX = "SUNDIALS_PREFIX"
 """Environment variable for the folder of SUNDIALS' ``include`` and ``lib``, if they are not those of the system."""
-WANTED = 6
-"""Major version of SUNDIALS that the program requires."""
-FOLDER = "programs"
-"""Folder of the compiled programs in the cache."""
-SECONDS = 60.0
-"""Wall time that compiling may take [s]."""
 PACKAGES = "Debian: gcc and libsundials-dev"
 _CONFIG = "sundials/sundials_config.h"
-_VERSION = re.compile(r'#define\s+SUNDIALS_VERSION\s+"([^"]+)"')
 ARGUMENTS = "double t, const double *x, const double *p"
-SILENT = "    (void)t, (void)x, (void)p, (void)out;"
-CODES = {"nonunique": "NONUNIQUE", "invalid": "INVALID"}
 HEAD = """/* Made by henon_ref from the text of a request. */
 #pragma once
 #include <math.h>
@@ -82,14 +70,15 @@ def library_version() -> str:
     folder = include_folder()
     if folder is None:
         return ""
-    found = _VERSION.search((folder / _CONFIG).read_text(encoding="utf-8", errors="replace"))
+    header = (folder / _CONFIG).read_text(encoding="utf-8", errors="replace")
+    found = re.search(r'#define\s+SUNDIALS_VERSION\s+"([^"]+)"', header)
     return found[1] if found else ""
 
 
 def compiler() -> str:
     """Path of the C compiler; empty if there is none."""
     wanted = os.environ.get(VARIABLE)
-    return next((path for name in ((wanted,) if wanted else COMPILERS) if (path := shutil.which(name))), "")
+    return next(filter(None, map(shutil.which, (wanted,) if wanted else ("cc", "gcc", "clang"))), "")
 
 
 def tools() -> tuple[str, Path]:
@@ -99,8 +88,8 @@ def tools() -> tuple[str, Path]:
         raise UnavailableError(f"there is no C compiler ({PACKAGES})")
     if folder is None:
         raise UnavailableError(f"SUNDIALS' headers are not installed ({PACKAGES})")
-    if version.partition(".")[0] != str(WANTED):
-        raise UnavailableError(f"SUNDIALS is version {version or 'unknown'}, wanted {WANTED}.x")
+    if version.partition(".")[0] != "6":
+        raise UnavailableError(f"SUNDIALS is version {version or 'unknown'}, wanted 6.x")
     return found, folder
 
 
@@ -110,10 +99,11 @@ def program_for(equations: str) -> Path:
     The key of the cache consists of the sources, the equations, the compiler and its options, and SUNDIALS' version.
     """
     path, _ = tools()
-    texts = {name: files("henon_ref.baselines.programs").joinpath(name).read_text(encoding="utf-8") for name in SOURCES}
-    texts[EQUATIONS] = equations
+    folder = files("henon_ref.baselines.programs")
+    texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("cvode.c", "json.h", "response.h")}
+    texts["problem.h"] = equations
     key = hashlib.sha256(repr((texts, path, _compiler_version(path), FLAGS, library_version())).encode())
-    place = cache_root() / FOLDER
+    place = cache_root() / "programs"
     program = place / f"cvode-{key.hexdigest()[:32]}"
     if not program.is_file():
         place.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -123,17 +113,13 @@ def program_for(equations: str) -> Path:
 
 @cache
 def _compiler_version(path: str) -> str:
-    done = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=SECONDS, check=False)
-    return done.stdout.partition("\n")[0]
+    return (command_output(path, "--version") or "").partition("\n")[0]
 
 
 def compile_program(texts: Mapping[str, str], program: Path) -> None:
     """Compile the first of some sources and headers (text by file name) with SUNDIALS; ``program`` is never incomplete.
 
-    Raises
-    ------
-    UnavailableError
-        If a tool is missing, or the compiler fails.
+    UnavailableError if a tool is missing, or the compiler fails.
     """
     path, include = tools()
     library = include.parent / "lib"
@@ -143,9 +129,9 @@ def compile_program(texts: Mapping[str, str], program: Path) -> None:
         made = Path(folder) / "program"
         command = [path, *FLAGS, f"-I{include}", next(iter(texts)), "-o", made.name, f"-L{library}"]
         command += [f"-Wl,-rpath,{library}"] if os.environ.get(PREFIX) else []
-        command += [f"-l{name}" for name in LIBRARIES]
+        command += ["-lsundials_cvode", "-lsundials_nvecserial", "-lm"]
         try:
-            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60.0, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
             raise UnavailableError(short_line(f"{path} does not compile the program: {error}")) from error
         if done.returncode != 0:
@@ -207,7 +193,8 @@ def _function(name: str, texts: Sequence[str], names: Mapping[str, str]) -> str:
 
 def _matrix(name: str, entries: Mapping[int, str], names: Mapping[str, str]) -> str:
     lines = [f"    out[{k}] = {renamed(text, names)};" for k, text in entries.items()]
-    return "\n".join([f"static void {name}({ARGUMENTS}, double *out)", "{", SILENT, *lines, "}\n"])
+    quiet = "    (void)t, (void)x, (void)p, (void)out;"
+    return "\n".join([f"static void {name}({ARGUMENTS}, double *out)", "{", quiet, *lines, "}\n"])
 
 
 def _successor(name: str, guards: Sequence[Guard], names: Mapping[str, str]) -> str:
@@ -215,7 +202,7 @@ def _successor(name: str, guards: Sequence[Guard], names: Mapping[str, str]) -> 
     for k, guard in enumerate(guards):
         for successor in guard.successors:
             holds = "".join(f" && ({renamed(text, names)}) >= 0.0" for text in successor.when)
-            follows = str(successor.mode) if successor.ends is None else CODES[successor.ends]
+            follows = str(successor.mode) if successor.ends is None else successor.ends.upper()
             lines.append(f"    if (guard == {k}{holds}) return {follows};")
     quiet = "    (void)guard, (void)t, (void)x, (void)p;"
     return "\n".join([f"static int {name}(int guard, {ARGUMENTS})", "{", quiet, *lines, "    return NONE;", "}\n"])

@@ -20,36 +20,15 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "pow")
-AT_AN_END = 1e-9
-"""A relay is at its end if it is closer to it than this."""
-THETA = 1.0
-"""Theta of the theta method."""
-DIFFERENCE = 1e-6
-"""Half-width of a difference quotient, as a part of 1 + abs(state)."""
 NEWTON = 1e-12
 """Residual at which Newton's iteration of a step ends, in units of the state."""
-ITERATIONS = 30
-LIMIT = 1e100
-LOST_SIGN = "the relay's sign is not that of the surface function"
-"""Reason of a run that ends because its modes, which follow from the relay's sign, are wrong."""
-ROUNDED = "which the rounding of a step moves as far"
-"""Continues the reason if rounding can explain the wrong sign."""
-ROUNDINGS = 4.0
-"""Rounding error of a step in the surface function, in roundings of the step's product with the normal velocity."""
-LATE = 2.0
-"""Largest delay of a relay's sign relative to the surface function [steps]."""
-
-
-class TimePassedError(Exception):
-    """The processor time of a run is used up."""
 
 
 def made(texts: list[str], names: dict[str, str]) -> Callable[..., Any]:
     """Make one function of (x, p) from texts of the request; it returns a tuple. The last entry of x is the time."""
     pattern = re.compile(r"(?<![\w.])[A-Za-z]\w*")
     body = ", ".join(pattern.sub(lambda word: names.get(word[0], word[0]), text) for text in texts)
-    found: Callable[..., Any] = eval(f"lambda x, p: ({body},)", {name: getattr(math, name) for name in FUNCTIONS})
+    found: Callable[..., Any] = eval(f"lambda x, p: ({body},)", dict(vars(math)))
     return found
 
 
@@ -75,11 +54,9 @@ class Equations:
         """Return the point nearest to x on the surface, to first order, at the same time."""
         h, slopes = self.surface(x, self.p)[0], self.gradient(x, self.p)
         square = sum(slope * slope for slope in slopes)
-        return (
-            [value - h * slope / square for value, slope in zip(x, slopes, strict=False)] + [x[-1]]
-            if square
-            else list(x)
-        )
+        if not square:
+            return list(x)
+        return [*(value - h * slope / square for value, slope in zip(x, slopes, strict=False)), x[-1]]
 
     def sides(self, x: list[float]) -> Iterator[tuple[float, float]]:
         """Return the fields below and above. The field of the other side is evaluated on the surface.
@@ -99,22 +76,25 @@ class Equations:
         return [(a - b) / 2 for b, a in self.sides(x)] + [0.0]
 
     def contradicts(self, x: list[float], mode: int, step: float) -> bool:
-        """Check whether the surface function contradicts a mode by more than ``LATE`` steps and Newton's residual."""
+        """Check whether the surface function contradicts a mode by more than two steps and Newton's residual."""
         field, slopes = (self.above if mode > 0 else self.below)(x, self.p), self.gradient(x, self.p)
         rate = sum(slope * f for slope, f in zip(slopes, field, strict=True))
         residual = NEWTON * sum(abs(slope) * (1.0 + abs(value)) for slope, value in zip(slopes, x, strict=False))
-        return self.surface(x, self.p)[0] * mode < -LATE * step * abs(rate) - residual
+        return self.surface(x, self.p)[0] * mode < -2.0 * step * abs(rate) - residual
 
     def is_rounded(self, x: list[float], step: float) -> bool:
-        """Check whether the rounding of a step can explain the value of the surface function."""
+        """Check whether the rounding of a step can explain the value of the surface function.
+
+        It is assumed to be four roundings of the step's product with the normal velocity.
+        """
         push = sum(abs(slope * half) for slope, half in zip(self.gradient(x, self.p), self.half(x), strict=False))
-        return abs(self.surface(x, self.p)[0]) <= ROUNDINGS * sys.float_info.epsilon * step * push
+        return abs(self.surface(x, self.p)[0]) <= 4.0 * sys.float_info.epsilon * step * push
 
     def slopes(self, function: Callable[[list[float]], list[float]], x: list[float]) -> list[tuple[float, ...]]:
         """Return the Jacobian of a function by central differences (accurate enough for Newton's iteration)."""
         columns = []
         for k in range(self.size):
-            reach = DIFFERENCE * (1.0 + abs(x[k]))
+            reach = 1e-6 * (1.0 + abs(x[k]))
             low, high = ([*x[:k], x[k] + way * reach, *x[k + 1 :]] for way in (-1, 1))
             pairs = zip(function(low), function(high), strict=True)
             columns.append([(after - before) / (2 * reach) for before, after in pairs])
@@ -174,24 +154,23 @@ def simulation(
     model.link(interaction, system)
     clock = kernel.TimeDiscretisation(problem["start"]["time"], step)
     relay = kernel.Relay(numerics.SICONOS_RELAY_LEMKE)
-    stepping = kernel.TimeStepping(model, clock, kernel.EulerMoreauOSI(THETA), relay)
+    stepping = kernel.TimeStepping(model, clock, kernel.EulerMoreauOSI(1.0), relay)
     stepping.setComputeResiduY(True)
     stepping.setComputeResiduR(True)
     stepping.setNewtonTolerance(NEWTON)
-    stepping.setNewtonMaxIteration(ITERATIONS)
+    stepping.setNewtonMaxIteration(30)
     return system, interaction, stepping
 
 
 def mode_of(sign: float) -> int:
-    """Mode for a value of the relay."""
-    return 0 if abs(sign) < 1.0 - AT_AN_END else (1 if sign > 0 else -1)
+    """Mode for a value of the relay, which is at its end if it is closer to it than 1e-9."""
+    return 0 if abs(sign) < 1.0 - 1e-9 else (1 if sign > 0 else -1)
 
 
 def steps_of(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> Iterator[tuple[float, list[float], int]]:
-    """Yield (time, state, mode) after each step; raise if the run must end."""
+    """Yield (time, state, mode) after each step."""
     problem, step = request["problem"], request["step"]
     system, interaction, stepping = simulation(*siconos, own, problem, step)
-    stop_at = time.process_time() + request["seconds"]
     keep = (system, interaction, stepping)  # SWIG's objects do not hold references to each other
     done, start = 0, problem["start"]["time"]
     while stepping.hasNextEvent() and start + (done + 0.5) * step < problem["until"]:
@@ -200,8 +179,6 @@ def steps_of(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> Ite
         state = [float(value) for value in system.x()[: own.size - 1]]
         yield min(start + done * step, problem["until"]), state, mode_of(-float(interaction.lambda_(0)[0]))
         stepping.nextStep()
-        if time.process_time() > stop_at:
-            raise TimePassedError
     del keep
 
 
@@ -211,19 +188,22 @@ def run(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> tuple[st
     before, done = start["mode"], 0
     events: list[Any] = []
     end = {"time": start["time"], "state": start["state"], "mode": before}
-    status, reason = "ok", ""
+    stop_at = time.process_time() + request["seconds"]
     try:
         for at, state, mode in steps_of(siconos, own, request):
             done += 1
             if not all(math.isfinite(value) for value in state):
                 return "failed", "the state is not finite", events, end, done
-            if sum(map(abs, state)) > LIMIT:
+            if sum(map(abs, state)) > 1e100:
                 return "diverged", "a state passed 1e100", events, end, done
             if min(own.valid([*state, at], own.p)) <= 0.0:
                 return "invalid", "the model ends: its valid expression fell to 0", events, end, done
             if mode and own.contradicts([*state, at], mode, request["step"]):
-                rounded = f", {ROUNDED}," if own.is_rounded([*state, at], request["step"]) else ""
-                return "failed", f"{LOST_SIGN}{rounded} at t = {at:.17g}", events, end, done
+                # The modes follow from the relay's sign, and are wrong from here on.
+                rounded = own.is_rounded([*state, at], request["step"])
+                why = ", which the rounding of a step moves as far," if rounded else ""
+                lost = f"the relay's sign is not that of the surface function{why} at t = {at:.17g}"
+                return "failed", lost, events, end, done
             if mode != before:
                 event = {"time": at, "before": before, "after": mode, "state": state}
                 if events and before == 0 and at - events[-1]["time"] < 1.5 * request["step"]:
@@ -235,13 +215,12 @@ def run(siconos: tuple[Any, Any, Any], own: Equations, request: Any) -> tuple[st
             if len(events) > request["most_transitions"]:
                 return "failed", "more transitions than the request allows", events, end, done
             end = {"time": at, "state": state, "mode": before}
-    except TimePassedError:
-        status, reason = "timeout", "the time that a run may take has passed"
+            if time.process_time() > stop_at:
+                return "timeout", "the time that a run may take has passed", events, end, done
     except (ArithmeticError, ValueError, RuntimeError) as error:
-        status, reason = "failed", f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
-    if status == "ok":
-        end["time"] = request["problem"]["until"]
-    return status, reason, events, end, done
+        return "failed", f"{type(error).__name__}: {' '.join(str(error).split())}"[:300], events, end, done
+    end["time"] = request["problem"]["until"]
+    return "ok", "", events, end, done
 
 
 def respond(stream: Any, version: str, status: str, reason: str = "", **found: Any) -> None:

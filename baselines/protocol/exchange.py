@@ -29,8 +29,6 @@ WALL = 2.5
 """Largest wall time of a program, without its waiting for a processor, as a multiple of its limit of processor time."""
 OUTPUT = 64 * 2**20
 """Largest standard error of a program, and default limit of its standard output [bytes]."""
-VERSION_SECONDS = 60.0
-"""Wall time within which a program must print its version [s]."""
 
 
 class ProgramTimeoutError(ContractError):
@@ -85,14 +83,8 @@ def exchange(
     The streams are files, so that a full pipe cannot block the program. The command is started without a shell;
     ``environment`` are variables in addition to those of this process.
 
-    Raises
-    ------
-    UnavailableError
-        If the program does not exist.
-    ProgramTimeoutError
-        If the program takes too long.
-    ContractError
-        If the program writes too much, crashes, or ends with an exit status other than 0.
+    UnavailableError if the program does not exist; ProgramTimeoutError if it takes too long; ContractError if it
+    writes too much, crashes, or ends with an exit status other than 0.
     """
     with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
         source.write(request)
@@ -177,16 +169,10 @@ def _signal_name(number: int) -> str:
 
 
 def command_output(*command: str, environment: Mapping[str, str] | None = None) -> str | None:
-    """Return the output of a short command; None if it fails or takes longer than :data:`VERSION_SECONDS`."""
+    """Return the output of a short command; None if it fails or takes longer than a minute."""
+    env = {**os.environ, **(environment or {})}
     try:
-        done = subprocess.run(
-            command,
-            capture_output=True,
-            text=True,
-            timeout=VERSION_SECONDS,
-            check=False,
-            env={**os.environ, **(environment or {})},
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False, env=env)
     except (OSError, subprocess.TimeoutExpired):
         return None
     return done.stdout.strip() if done.returncode == 0 else None

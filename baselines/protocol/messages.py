@@ -22,7 +22,6 @@ Version = Annotated[int, Field(ge=1, le=1)]
 Count = Annotated[int, Field(ge=0, le=2**53)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 State = Annotated[list[Number], FailFast()]
-End = Literal["nonunique", "invalid"]
 Status = Literal["ok", "diverged", "nonunique", "invalid", "timeout", "failed", "unsupported", "unavailable"]
 
 
@@ -37,7 +36,7 @@ class Successor(Message):
 
     mode: Side | None
     """The next mode; null if the run ends."""
-    ends: End | None
+    ends: Literal["nonunique", "invalid"] | None
     """The status with which the run ends; null if it continues."""
     when: list[Expression]
     """The successor applies if none of these is negative at the point, which lies on the surface. Empty: always."""

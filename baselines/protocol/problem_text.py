@@ -24,17 +24,12 @@ from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import spelled
 
-_NAME = re.compile(r"(?<![\w.])[^\W\d_]\w*")
-
 
 def problem_text(problem: Problem, start: Mode) -> messages.Problem:
     """Convert a problem that starts in the mode ``start`` to a message of the protocol.
 
-    Raises
-    ------
-    UnsupportedError
-        If the system has not exactly one surface, the initial mode has no equations, or the protocol cannot express
-        the system (jumps of the state, a slide on an intersection, a name, a function).
+    UnsupportedError if the system has not exactly one surface, the initial mode has no equations, or the protocol
+    cannot express the system (jumps of the state, a slide on an intersection, a name, a function).
     """
     system = problem.system
     if len(system.surfaces) != 1:
@@ -159,12 +154,7 @@ class _Printer(StrPrinter):
 
 
 def infix(expression: sp.Expr) -> str:
-    """Return the text of an expression.
-
-    Raises
-    ------
-    UnsupportedError
-        If the protocol does not have a function.
+    """Return the text of an expression; UnsupportedError if the protocol has no such function.
 
     Examples
     --------
@@ -184,4 +174,4 @@ def renamed(text: str, names: Mapping[str, str]) -> str:
     >>> renamed("1e5*e5 + sin(x)", {"e5": "p[0]", "x": "x[0]"})
     '1e5*p[0] + sin(x[0])'
     """
-    return _NAME.sub(lambda found: names.get(found[0], found[0]), text)
+    return re.sub(r"(?<![\w.])[^\W\d_]\w*", lambda found: names.get(found[0], found[0]), text)

@@ -33,8 +33,6 @@ from henon_ref.solver import Run
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Trajectory, Transition
 
-MOST_FIELDS = 100
-"""Largest number of fields of one object."""
 SHOWN = 60
 """Characters of a refused value in a message."""
 
@@ -118,12 +116,7 @@ class ProgramRun:
     def __call__(self) -> Trajectory:
         """Run once, in a new process.
 
-        Raises
-        ------
-        ContractError
-            If the program gives no response, or an invalid one.
-        UnsupportedError, UnavailableError
-            If the response has this status.
+        ContractError if the program gives no valid response; UnsupportedError, UnavailableError if that is its status.
         """
         request, start = self.request, self.request.problem.start
         self.wall_s = math.nan
@@ -138,10 +131,7 @@ class ProgramRun:
     def times(self, count: int) -> tuple[float, ...]:
         """Return the wall times of ``count`` runs in one process, after one untimed run [s].
 
-        Raises
-        ------
-        ContractError
-            If the program gives no response, an invalid one, or another number of times.
+        ContractError if the program gives no valid response, or another number of times.
         """
         response = self._response(self.request.model_copy(update={"untimed": 1, "timed": count}))
         if len(response.wall_s) != count:
@@ -160,10 +150,7 @@ class ProgramRun:
 def read_response(output: bytes, request: Request) -> Response:
     """Read a program's output as a response to the request.
 
-    Raises
-    ------
-    ContractError
-        If the output is not a valid response; the message names the place, the value there and the allowed values.
+    If it is not valid, the ContractError names the place, the value there and the allowed values.
     """
     if not output.strip():
         raise ContractError("the program wrote nothing, wanted a response in JSON")
@@ -196,21 +183,16 @@ def _check_size(output: bytes, request: Request) -> None:
 def _check_fields(message: Any) -> None:
     """Refuse objects with too many fields: the validation would collect an error for each."""
     events = message.get("transitions") if isinstance(message, dict) else None
-    parts = message.items() if isinstance(message, dict) and len(message) <= MOST_FIELDS else ()
+    most = 100
+    parts = message.items() if isinstance(message, dict) and len(message) <= most else ()
     each = ((f"transitions.{k}", event) for k, event in enumerate(events)) if isinstance(events, list) else ()
     for place, value in chain([("response", message)], parts, each):
-        if isinstance(value, dict) and len(value) > MOST_FIELDS:
+        if isinstance(value, dict) and len(value) > most:
             raise _refused(f"{place[:SHOWN]}: it has {len(value)} fields")
 
 
 def trajectory(response: Response, request: Request, landing: str) -> Trajectory:
-    """Convert a response to a trajectory.
-
-    Raises
-    ------
-    UnsupportedError, UnavailableError
-        If the response has this status.
-    """
+    """Convert a response to a trajectory; UnsupportedError, UnavailableError if that is its status."""
     if response.status == "unsupported":
         raise UnsupportedError(response.reason or "the program does not do this problem")
     if response.status == "unavailable":

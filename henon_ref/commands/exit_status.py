@@ -1,8 +1,8 @@
 """Exit statuses of all commands of this package, and one message for every error.
 
 0: done. 1: a requirement is not met (a gate, a required solver, a check). 2: a bad case file, argument or folder.
-3: an unforeseen error, with the path of a log. 130: interrupted. A closed standard stream, or one whose reader has
-ended, is not an error; a full disk of the standard output is (2).
+3: an unforeseen error, with the path of a log that has the traceback, the arguments and the versions. 130: interrupted.
+A closed standard stream, or one whose reader has ended, is not an error; a full disk of the standard output is (2).
 """
 
 from __future__ import annotations
@@ -10,8 +10,12 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import platform
+import shlex
 import signal
+import stat
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -56,13 +60,66 @@ def exit_status(act: Callable[[], int], *, name: str, arguments: Sequence[str] |
             say("; ".join(part for part in ("interrupted", kept) if part))
             return INTERRUPTED
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the one place that reports unforeseen errors
-            from henon_ref.commands.crash_log import write_log
-
             log = write_log(error, name, sys.argv[1:] if arguments is None else arguments)
             what = message("".join(traceback.format_exception_only(error)))
             where = f"the log is {log}" if log else "no log can be written"
             say("; ".join(part for part in (f"error: unforeseen: {what}", kept, where) if part))
             return UNFORESEEN
+
+
+def write_log(error: BaseException, name: str, arguments: Sequence[str]) -> Path | None:
+    """Write an error of a command to a file readable by the user alone; return its path, or None if this fails."""
+    import tempfile  # imported late, like the other modules that only a log needs, for a fast start
+
+    text = _text(error, name, arguments).encode(errors="backslashreplace")
+    for folder in (_users_folder, lambda: tempfile.mkdtemp(prefix="henon_ref.")):
+        try:
+            handle, path = tempfile.mkstemp(dir=folder(), prefix=time.strftime(f"{name}-%Y%m%d-%H%M%S-"), suffix=".log")
+            with os.fdopen(handle, "wb") as file:
+                file.write(text)
+        except OSError:
+            continue
+        return Path(path)
+    return None
+
+
+def _users_folder() -> Path:
+    """Return the user's log folder, created if necessary; OSError if other users can write to it."""
+    import platformdirs
+
+    folder = platformdirs.user_log_path("henon_ref")
+    if not folder.is_absolute():
+        raise NotADirectoryError(f"{folder}: there is no home folder")
+    folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+    found = os.lstat(folder)
+    own = not hasattr(os, "geteuid") or found.st_uid == os.geteuid()
+    if not (own and stat.S_ISDIR(found.st_mode)) or (os.name == "posix" and found.st_mode & 0o022):
+        raise PermissionError(f"{folder}: other users can write to it")
+    return folder
+
+
+def _text(error: BaseException, name: str, arguments: Sequence[str]) -> str:
+    return "\n".join(
+        [
+            f"python -m henon_ref.{name} {shlex.join(map(str, arguments))}",
+            f"in {os.environ.get('PWD', 'an unknown folder')}",
+            f"{platform.python_implementation()} {sys.version}, {platform.platform()}",
+            "",
+            "".join(traceback.format_exception(error)),
+            *_packages(),
+            "",
+        ]
+    )
+
+
+def _packages() -> list[str]:
+    from importlib import metadata
+
+    try:
+        return sorted({f"{found.name} {found.version}" for found in metadata.distributions()})
+    except Exception as error:  # noqa: BLE001 - the traceback matters more than a broken package
+        return [f"the packages cannot be listed: {type(error).__name__}"]
 
 
 def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: str = "", obj: Any = None) -> Any:
@@ -82,11 +139,12 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
     return DONE if result is None else result
 
 
-def command_of(app: Callable[..., Any], name: str) -> Callable[..., int]:
+def command_of(app: Callable[..., Any], name: str, *, kept: str = "") -> Callable[..., int]:
     """Return the subcommand of a typer application: a function of its arguments that returns the exit status."""
 
-    def command(arguments: Sequence[str] | None = None) -> int:
-        return exit_status(lambda: int(parsed(app, arguments, name=name)), name=name, arguments=arguments)
+    def command(arguments: Sequence[str] | None = None, *, obj: Any = None) -> int:
+        act = lambda: int(parsed(app, arguments, name=name, obj=obj))  # noqa: E731
+        return exit_status(act, name=name, arguments=arguments, kept=kept)
 
     return command
 

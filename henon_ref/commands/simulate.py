@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 app, demo_app = application(), application()
 STANDARD_OUTPUT = Path("-")
-KINDS = (".png", ".svg", ".pdf")
-"""Allowed suffixes of a figure's file name."""
 
 
 @app.command(
@@ -147,8 +145,9 @@ def _write(path: Path, content: bytes) -> None:
 
 def _check_picture(path: Path) -> None:
     """Raise CaseError if the file name of a figure has a wrong suffix, or its folder does not exist."""
-    if path.suffix.lower() not in KINDS:
-        raise CaseError(f"{path}: the name of a figure must end with one of {listed(KINDS)}")
+    kinds = (".png", ".svg", ".pdf")
+    if path.suffix.lower() not in kinds:
+        raise CaseError(f"{path}: the name of a figure must end with one of {listed(kinds)}")
     if not path.parent.is_dir():
         raise CaseError(f"{path}: the folder {path.parent} does not exist")
 

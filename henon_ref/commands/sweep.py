@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import DONE, exit_status, parsed
+from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import FLAG, application, examples, path_of
 from henon_ref.errors import CaseError
+from henon_ref.workers import ONE_THREAD
 
 if TYPE_CHECKING:
     from henon_ref.sweeps.plan import Plan
@@ -75,13 +76,14 @@ def main(
     return DONE
 
 
+command = command_of(app, "sweep", kept="finished chunks are kept, --resume continues from them")
+
+
 def program(arguments: Sequence[str] | None = None, around: Around | None = None) -> int:
     """Run the command and return its exit status."""
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):  # as in the workers
-        os.environ.setdefault(name, "1")
-    act = lambda: int(parsed(app, arguments, name="sweep", obj=around))  # noqa: E731
-    kept = "finished chunks are kept, --resume continues from them"
-    return exit_status(act, name="sweep", arguments=arguments, kept=kept)
+    for name, one in ONE_THREAD.items():  # as in the workers
+        os.environ.setdefault(name, one)
+    return command(arguments, obj=around)
 
 
 @contextmanager

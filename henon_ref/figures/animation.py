@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import sympy as sp
 from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
-from henon_ref.figures.motion import Motion
+from henon_ref.figures.motion import Motion, values_along
 from henon_ref.figures.scene import HALF, blank, draw_body, draw_symbol, lines_of, places_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system.assembly import Body, Scene
-from henon_ref.taylor.tape import TIME
 
 Vector = NDArray[np.float64]
 
@@ -79,8 +77,7 @@ def _displacement(body: Body, system: FilippovSystem, motion: Motion) -> Vector:
     if body.states:
         return motion.states[:, system.states.index(body.states[0])]
     given = body.velocity if body.position is None else body.position
-    function = sp.lambdify([TIME], system.numeric(given), np)
-    values = np.broadcast_to(np.asarray(function(motion.times), dtype=float), motion.times.shape)
+    values = values_along(system, motion, given)
     if body.position is not None:
         return values
     steps = np.diff(motion.times) * (values[1:] + values[:-1]) / 2

@@ -10,19 +10,17 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.casefile.case import Reading
 from henon_ref.figures import style
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Event, Samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-GRID = 121
-"""Number of grid points per side for contours of a surface."""
 _Entry = tuple[str, str, float, str]
 """Entry of a legend: label, colour, width, dashes."""
 
@@ -61,6 +59,12 @@ def _modes(times: NDArray[np.float64], transitions: Sequence[Event], given: list
     index = np.searchsorted(np.array([e.time for e in transitions]), times, side="right")
     modes = [tuple(transitions[0].from_mode), *(tuple(e.to_mode) for e in transitions)]
     return [modes[k] for k in index.tolist()]
+
+
+def values_along(system: FilippovSystem, motion: Motion, expression: sp.Expr) -> NDArray[np.float64]:
+    """Evaluate an expression in time and states at each time of a motion."""
+    function = sp.lambdify([TIME, *system.states], system.numeric(expression), np)
+    return np.broadcast_to(np.asarray(function(motion.times, *motion.states.T), dtype=float), motion.times.shape)
 
 
 def axes_of_portrait(system: FilippovSystem) -> tuple[int, int] | None:
@@ -117,9 +121,8 @@ class _Plane:
         return [(labels[begin], slice(begin, end + 1)) for begin, end in runs_of(labels)]
 
 
-def draw_portrait(reading: Reading, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
+def draw_portrait(system: FilippovSystem, motion: Motion, pair: tuple[int, int] | None = None) -> Figure | None:
     """Draw the phase portrait in the measured window, coloured by mode; ``pair``: indices of the two states."""
-    system = reading.problem.system
     pair = pair or axes_of_portrait(system)
     if pair is None:
         return None
@@ -247,13 +250,14 @@ def surface_curves(
     import contourpy
 
     states = [system.states[k] for k in pair]
-    across, upward = (np.linspace(low, high, GRID) for low, high in limits)
+    across, upward = (np.linspace(low, high, 121) for low, high in limits)
+    plane = np.meshgrid(across, upward)
     found: list[NDArray[np.float64]] = []
     for k, surface in enumerate(system.surfaces):
         if not states_in(system, k) or not states_in(system, k) <= set(states):
             continue
         h = sp.lambdify(states, system.numeric(surface), np)
-        values = np.broadcast_to(np.asarray(h(*np.meshgrid(across, upward)), dtype=float), (GRID, GRID))
+        values = np.broadcast_to(np.asarray(h(*plane), dtype=float), plane[0].shape)
         if np.nanmin(values) < 0 < np.nanmax(values):
             generator = contourpy.contour_generator(across, upward, np.ma.masked_invalid(values), name="mpl2014")
             found += [np.asarray(line) for line in generator.lines(0.0)[0]]

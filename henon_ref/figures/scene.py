@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TITLE = "Bodies and what connects them"
 MOST_BODIES = 12
 HALF = 0.24
 """Half the side of a body, relative to the distance of two bodies."""
@@ -34,9 +33,10 @@ def draw_scene(scene: Scene) -> Figure | None:
     with style.figure(height, width=width) as figure:
         axes = figure.add_axes((0.0, 0.0, 1.0, 1 - TITLE_ROOM / height))
         schematic(axes, scene)
-        axes.set_title(TITLE, x=0.02)
+        title = "Bodies and what connects them"
+        axes.set_title(title, x=0.02)
         listed = "; ".join(connection.label for connection in scene.connections)
-        style.describe(figure, TITLE, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
+        style.describe(figure, title, f"Bodies: {', '.join(scene.bodies)}. Connections: {listed}.")
         return figure
 
 

@@ -30,32 +30,6 @@ BROWN, PINK, OLIVE = "#8C4A2F", "#CC79A7", "#6B6B00"
 STICK_SHADE, PLUS_SHADE, MINUS_SHADE = "#F6C48A", "#CFE3F3", "#FFFFFF"
 """Background of stick, of slip with s = +1, and of slip with s = -1."""
 
-_RC: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.labelsize": 9.0,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # the default; if unset, matplotlib lays out every tick label again
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "legend.fontsize": 8.0,
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#E3E3E3",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.2,
-    "lines.markersize": 4.5,
-    "mathtext.fontset": "dejavusans",
-    "path.simplify": False,  # keeps transitions as corners, and all samples of an arc
-    "svg.hashsalt": "henon-ref",
-    "svg.fonttype": "path",
-}
-
-
 THIN = 1.1
 """Width of an ordinary line [pt]; highlighted solvers have wider lines."""
 Dashes = str | tuple[int, tuple[int, ...]]
@@ -167,7 +141,31 @@ def report_style() -> AbstractContextManager[None]:
     """Return the style of the reports as a context."""
     import matplotlib
 
-    return matplotlib.rc_context(_RC)
+    parameters: dict[Any, Any] = {
+        "font.size": 9.0,
+        "axes.labelsize": 9.0,
+        "axes.titlesize": 9.5,
+        "axes.titlelocation": "left",
+        "axes.titley": 1.0,  # the default; if unset, matplotlib lays out every tick label again
+        "xtick.labelsize": 8.0,
+        "ytick.labelsize": 8.0,
+        "legend.fontsize": 8.0,
+        "legend.frameon": False,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.linewidth": 0.7,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#E3E3E3",
+        "grid.linewidth": 0.6,
+        "lines.linewidth": 1.2,
+        "lines.markersize": 4.5,
+        "mathtext.fontset": "dejavusans",
+        "path.simplify": False,  # keeps transitions as corners, and all samples of an arc
+        "svg.hashsalt": "henon-ref",
+        "svg.fonttype": "path",
+    }
+    return matplotlib.rc_context(parameters)
 
 
 @contextmanager

@@ -6,25 +6,19 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.casefile.case import Reading
 from henon_ref.expressions.traversal import size
 from henon_ref.figures import style
-from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, velocity_of, widen
+from henon_ref.figures.motion import Motion, limits_around, runs_of, symbol, values_along, velocity_of, widen
 from henon_ref.modes.latex import latex
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MODES_TITLE = "Distance from the surface, modes shaded"
-NOTHING = 2
-"""Entry that is not shaded: the panel of a state shows sticks only."""
 MODES = {
     0: ("stick", style.STICK_SHADE),
     1: ("slip, s = +1", style.PLUS_SHADE),
@@ -35,9 +29,8 @@ MOST_SURFACES = 4
 """Largest number of surfaces in a figure, one panel each."""
 
 
-def draw_modes(reading: Reading, motion: Motion) -> Figure:
+def draw_modes(system: FilippovSystem, motion: Motion) -> Figure:
     """Draw h of every surface over time in the measured window, with shaded modes."""
-    system = reading.problem.system
     count = min(len(system.surfaces), MOST_SURFACES)
     height = 0.85 + 1.55 * count
     with style.figure(height) as figure:
@@ -45,8 +38,9 @@ def draw_modes(reading: Reading, motion: Motion) -> Figure:
         inch = 1 / height
         figure.subplots_adjust(left=0.1, right=0.965, bottom=0.48 * inch, top=1 - 0.32 * inch, hspace=0.12)
         over_time(panels, system, motion, [sign.name for sign in system.signs[:count]])
-        panels[0].set_title(MODES_TITLE)
-        style.describe(figure, MODES_TITLE, " ".join(_shares(system, motion, k) for k in range(count)))
+        title = "Distance from the surface, modes shaded"
+        panels[0].set_title(title)
+        style.describe(figure, title, " ".join(_shares(system, motion, k) for k in range(count)))
         return figure
 
 
@@ -63,15 +57,17 @@ def over_time(
     line = {"color": style.BLACK, "linewidth": 1.1, "zorder": 2} | normalize_kwargs(line, Line2D)
     signs = [sign.name for sign in system.signs]
     window = float(motion.times[0]), float(motion.times[-1])
-    shown: set[int] = set()
+    shown: set[int | None] = set()
     for name, axes in zip(names, panels, strict=True):
         k = signs.index(name) if name in signs else system.state_names.index(name)
+        entries: list[int | None]  # None: not shaded
         if name in signs:
-            values, entries = _surface_values(system, motion, k), [_entry(mode, k) for mode in motion.modes]
+            values = values_along(system, motion, system.surfaces[k])
+            entries = [_entry(mode, k) for mode in motion.modes]
         else:
             own = _surfaces_about(system, k)
             values = motion.states[:, k]
-            entries = [0 if any(_entry(mode, i) == 0 for i in own) else NOTHING for mode in motion.modes]
+            entries = [0 if any(_entry(mode, i) == 0 for i in own) else None for mode in motion.modes]
         widen(axes, window, limits_around(values))
         _shade(axes, motion, entries)
         if name in signs:
@@ -79,7 +75,7 @@ def over_time(
         axes.plot(motion.times, values, **line)
         axes.grid(visible=False)
         axes.set_ylabel(_surface_label(system, k) if name in signs else symbol(system, k))
-        shown |= set(entries) - {NOTHING}
+        shown |= set(entries) - {None}
     panels[-1].set_xlabel("time t [s]")
     if shown and "label" not in line:
         _mode_legend(panels[0], shown)
@@ -106,29 +102,25 @@ def _surfaces_about(system: FilippovSystem, k: int) -> list[int]:
     return [i for i in every if system.surfaces[i].has(*own)] or list(every)
 
 
-def _surface_values(system: FilippovSystem, motion: Motion, k: int) -> NDArray[np.float64]:
-    h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[k]), np)
-    return np.broadcast_to(np.asarray(h(motion.times, *motion.states.T), dtype=float), motion.times.shape)
-
-
 def _surface_label(system: FilippovSystem, k: int) -> str:
     surface = system.surfaces[k]
     formula = f" = {latex(surface)}" if size(surface, 100) <= 100 else ""  # a longer one does not fit
     return f"${latex(system.signs[k])}$:  $h{formula}$"
 
 
-def _shade(axes: Axes, motion: Motion, entries: Sequence[int]) -> None:
+def _shade(axes: Axes, motion: Motion, entries: Sequence[int | None]) -> None:
     """Shade sticks and slips with s = +1."""
     for begin, end in runs_of(entries):
-        if entries[begin] in (0, 1):
-            axes.axvspan(motion.times[begin], motion.times[end], color=MODES[entries[begin]][1], lw=0, zorder=0)
+        entry = entries[begin]
+        if entry is not None and entry >= 0:
+            axes.axvspan(motion.times[begin], motion.times[end], color=MODES[entry][1], lw=0, zorder=0)
 
 
 def _entry(mode: Mode, k: int) -> int:
     return mode[k] if k < len(mode) else -1
 
 
-def _mode_legend(axes: Axes, present: set[int]) -> None:
+def _mode_legend(axes: Axes, present: set[int | None]) -> None:
     from matplotlib.patches import Patch
 
     handles = [

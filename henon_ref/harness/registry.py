@@ -26,11 +26,6 @@ from henon_ref.workers.machine import LIBRARIES, library_versions
 
 GROUP = "henon_ref.solvers"
 T = TypeVar("T", bound=str | Solver)
-COMPARED = (
-    "scipy", "numba", "heyoka", "scikit-sundae", "matplotlib", "jinja2",
-    "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
-)  # fmt: skip
-"""Packages whose versions affect the results of a comparison, in addition to the packages of the reference."""
 RESTARTS = ("event-free-step", "offset", "direction", "none")
 """Ways to restart a library on the surface it has just left; described in :mod:`henon_ref.baselines.restart`."""
 ALL = "all"
@@ -72,33 +67,34 @@ class AdapterFile:
         return getattr(import_module(f"henon_ref.baselines.{self.module}"), self.solvers[name])
 
 
+def _methods(prefix: str, *methods: str) -> dict[str, str]:
+    """Return the solvers of a library with several methods: name -> object in the module, named by the method."""
+    return {f"{prefix}-{method.lower()}": method for method in methods}
+
+
 HENON = {"henon": "HENON_SOLVER", "henon-newton": "HENON_NEWTON", "henon-brent": "HENON_BRENT"}
 HEYOKA = {"heyoka": "HEYOKA", "heyoka+fastmath": "HEYOKA_FAST_MATH"}
-SCIPY = {f"scipy-{method.lower()}": method for method in ("RK45", "DOP853", "RADAU", "BDF", "LSODA")}
-CVODE = {"cvode-adams": "ADAMS", "cvode-bdf": "BDF"}
-CVODE_C = {"cvode-c-adams": "ADAMS", "cvode-c-bdf": "BDF"}
-DIFFRAX = {"diffrax-dopri8": "DOPRI8", "diffrax-kvaerno5": "KVAERNO5"}
-DIFFSOL = {"diffsol-tsit45": "TSIT45", "diffsol-bdf": "BDF"}
 FILES = (
     AdapterFile("henon", "henon-ref", HENON, default=("henon",)),
     AdapterFile("paper.rk4", "henon-ref", {"henon-rk4": "RK4"}, fixed_step=True),
     AdapterFile("paper.listing", "henon-ref", {"henon-listing": "LISTING"}, default=(), fixed_step=True),
     AdapterFile("heyoka_taylor", "heyoka", HEYOKA, "offset", default=("heyoka",)),
-    AdapterFile("sundials", "scikit-sundae", CVODE, "direction", callbacks=True),
+    AdapterFile("sundials", "scikit-sundae", _methods("cvode", "ADAMS", "BDF"), "direction", callbacks=True),
     AdapterFile("sundials", "scikit-sundae", {"ida": "IDA"}, "offset", callbacks=True),
-    AdapterFile("scipy_ivp", "scipy", SCIPY, "offset", callbacks=True),
-    AdapterFile("programs.cvode_c", "sundials", CVODE_C, peer=True, program=True),
+    AdapterFile(
+        "scipy_ivp", "scipy", _methods("scipy", "RK45", "DOP853", "RADAU", "BDF", "LSODA"), "offset", callbacks=True
+    ),
+    AdapterFile("programs.cvode_c", "sundials", _methods("cvode-c", "ADAMS", "BDF"), peer=True, program=True),
     AdapterFile("programs.interpreted", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
     AdapterFile("programs.interpreted", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
     AdapterFile("scipy_naive", "scipy", {"scipy-smoothed": "SMOOTHED", "scipy-sign": "SIGN"}),
-    AdapterFile("diffrax_ode", "diffrax", DIFFRAX, "offset", peer=True),
-    AdapterFile("diffsol_ode", "pydiffsol", DIFFSOL, "offset", peer=True),
+    AdapterFile("diffrax_ode", "diffrax", _methods("diffrax", "DOPRI8", "KVAERNO5"), "offset", peer=True),
+    AdapterFile("diffsol_ode", "pydiffsol", _methods("diffsol", "TSIT45", "BDF"), "offset", peer=True),
     AdapterFile("nosnoc_fesd", "nosnoc", {"nosnoc": "NOSNOC"}, peer=True),
 )
 """One entry for each pair of module and default restart."""
-_BUILT_IN = {
-    name: file for variants in (False, True) for file in FILES for name in file.solvers if ("+" in name) == variants
-} | {name + COMPILED: file for file in FILES for name in file.solvers if file.callbacks}
+_BUILT_IN = dict(sorted(((name, file) for file in FILES for name in file.solvers), key=lambda named: "+" in named[0]))
+_BUILT_IN |= {name + COMPILED: file for file in FILES if file.callbacks for name in file.solvers}
 """Name of a built-in solver -> its module; the variants come last."""
 
 
@@ -246,19 +242,19 @@ def program_versions() -> dict[str, str]:
 
 
 def all_versions() -> dict[str, str]:
-    """Return the versions of the packages of the reference, the compared libraries and the programs."""
-    return library_versions((*LIBRARIES, *COMPARED)) | program_versions()
+    """Return the versions of the packages of the reference, those that affect a comparison, and the programs."""
+    compared = (
+        "scipy", "numba", "heyoka", "scikit-sundae", "matplotlib", "jinja2",
+        "diffrax", "jax", "jaxlib", "optimistix", "nosnoc", "casadi", "pydiffsol",
+    )  # fmt: skip
+    return library_versions((*LIBRARIES, *compared)) | program_versions()
 
 
 def solver(name: str) -> Solver:
     """Import a solver.
 
-    Raises
-    ------
-    CaseError
-        If the solver or its restart does not exist.
-    UnavailableError
-        If its library is not installed, or its entry point holds no solver.
+    CaseError if the solver or its restart does not exist; UnavailableError if its library is not installed, or its
+    entry point holds no solver.
     """
     check(name)
     base, restart = _base_and_restart(name)
@@ -276,10 +272,7 @@ def solver(name: str) -> Solver:
 def loaded(point: EntryPoint) -> Solver:
     """Load the solver of an entry point, which is either a solver or a function that returns one.
 
-    Raises
-    ------
-    UnavailableError
-        If the entry point holds no solver, or cannot be loaded.
+    UnavailableError if it is neither, or cannot be loaded.
     """
     if point in _REFUSED:
         raise UnavailableError(_REFUSED[point])

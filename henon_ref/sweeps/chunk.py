@@ -125,7 +125,7 @@ def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
         for values in point.values():
             clear &= np.isfinite(values)
         for condition in system.conditions:
-            clear &= _values(condition, point, count) > CLEARLY
+            clear &= values_at(condition, point, count) > CLEARLY
         clear &= ~_may_have_open_kinks(system.model, {**point, TIME.name: start}, count)
     reasons, open_kinks = np.full(count, None, dtype=object), np.full(count, NO_KINKS, dtype=object)
     for k in np.flatnonzero(~clear).tolist():
@@ -150,15 +150,15 @@ def _may_have_open_kinks(model: FilippovSystem, point: Mapping[str, Vector], cou
     """Check whether a kink, or a root in it, has no value at a start or is at the end of its domain there."""
     found = np.zeros(count, dtype=np.bool_)
     for surface in model.surfaces if model.kinks else ():
-        found |= ~np.isfinite(_values(surface, point, count))
+        found |= ~np.isfinite(values_at(surface, point, count))
     for i in model.kinks:
         for power in model.surfaces[i].atoms(sp.Pow):
             if not power.exp.is_Integer:  # the end of the domain of a root
-                found |= _values(power.base, point, count) == 0.0
+                found |= values_at(power.base, point, count) == 0.0
     return found
 
 
-def _values(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vector:
+def values_at(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> Vector:
     """Evaluate an expression at many points; NaN if it has no value."""
     names, function = _function(expression)
     return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)

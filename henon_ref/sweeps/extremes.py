@@ -18,25 +18,21 @@ from math import comb
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-import sympy as sp
 
 from henon_ref.errors import HenonRefError
 from henon_ref.expressions.grammar import FUNCTIONS
 from henon_ref.simulation.dense_output import DenseOutput
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
+from henon_ref.sweeps.chunk import values_at
 from henon_ref.sweeps.observations import moving_expression, rank_in_run
 from henon_ref.sweeps.table_files import Columns, Vector
 from henon_ref.sweeps.work import Observation, Runs
 from henon_ref.taylor.series import Ring, along
-from henon_ref.taylor.tape import build_tape
+from henon_ref.taylor.tape import Tape, build_tape
 
 ROUNDING = 2.0**-49
 """Relative rounding error of values and bounds, with respect to the largest intermediate number."""
-MOST_PIECES = 4096
-"""Largest number of pieces of one run that are halved at a time; more occur only if rounding errors dominate."""
-MOST_NUMBERS = 1 << 22
-"""Largest number of coefficients of steps in memory at one time; one run alone may exceed it."""
 NUMPY: Ring = {name: getattr(np, name) for name in FUNCTIONS} | {"power": np.power}
 """Ring of arrays of doubles."""
 
@@ -138,102 +134,97 @@ class _Bounds(NamedTuple):
         return np.where(np.isfinite(at), at, 0.5), np.abs(curvature) * step * step <= ROUNDING * self.size
 
 
-class AlongSteps:
-    """Evaluation of an expression in time, states and parameters along the steps of runs."""
+@np.errstate(all="ignore")
+def extremes(tape: Tape, pieces: Pieces, parameters: Mapping[str, Vector], count: int) -> tuple[Vector, Vector]:
+    """Return an expression's minimum and maximum on the pieces of each of ``count`` runs; infinite without a value.
 
-    def __init__(self, states: Sequence[sp.Symbol], expression: sp.Expr) -> None:
-        self._tape = build_tape(states, (), [expression])
-        self._symbols = sorted(set().union(*(c.free_symbols for c in self._tape.constants)), key=lambda s: s.name)
-        self._constants = sp.lambdify(self._symbols, list(self._tape.constants), "numpy")
+    ``parameters``: parameter -> its value in each run, shape (count,).
+    """
+    numbers = [values_at(constant, parameters, count) for constant in tape.constants]
+    least, largest = np.full(count, np.inf), np.full(count, -np.inf)
 
-    @np.errstate(all="ignore")
-    def extremes(self, pieces: Pieces, parameters: Mapping[str, Vector], count: int) -> tuple[Vector, Vector]:
-        """Return the minimum and maximum on the pieces of each of ``count`` runs; infinite without a value.
+    def found(run: Any, values: Vector) -> None:
+        np.minimum.at(least, run, values)
+        np.maximum.at(largest, run, values)
 
-        ``parameters``: parameter -> its value in each run, shape (count,).
-        """
-        numbers = [np.broadcast_to(c, count) for c in self._constants(*(parameters[s.name] for s in self._symbols))]
-        least, largest = np.full(count, np.inf), np.full(count, -np.inf)
+    def beyond(run: Any, bounds: _Bounds) -> Any:
+        """Return the pieces that may exceed the extremes found so far by more than rounding."""
+        slack = 2.0 * ROUNDING * bounds.size - bounds.error
+        rows = bounds.coefficients.min(axis=0) < least[run] - slack
+        rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
+        rows |= np.isinf(bounds.error)
+        rows = np.flatnonzero(rows & ((bounds.error != 0) | (bounds.turns > 0)))
+        return rows[rank_in_run(run[rows]) < 4096]  # more occur only if rounding errors dominate
 
-        def found(run: Any, values: Vector) -> None:
-            np.minimum.at(least, run, values)
-            np.maximum.at(largest, run, values)
+    for end in (0.0, 1.0):
+        found(pieces.run, _value(tape, pieces, numbers, end))
+    bounds = _bounds(tape, pieces, numbers)
+    for _ in range(50):
+        rows = beyond(pieces.run, bounds)
+        if not len(rows):
+            break
+        pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
+        at, settled = bounds.stationary()
+        found(pieces.run, _value(tape, pieces, numbers, at))
+        rows = np.flatnonzero(~(settled & (bounds.error == 0) & (bounds.turns == 1)))
+        pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
+        found(pieces.run, _value(tape, pieces, numbers, 0.5))
+        order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of a piece are consecutive
+        half = np.full(len(rows), 0.5)
+        pieces = joined_pieces([pieces.part(first, half) for first in (0.0 * half, half)]).chosen(order)
+        halves = zip(*bounds.halves(), strict=True)
+        bounds = _Bounds(*(np.concatenate(pair, axis=-1) for pair in halves)).chosen(order)
+        loose = np.flatnonzero(bounds.error)
+        if len(loose):
+            again = _bounds(tape, pieces.chosen(loose), numbers)
+            for own, other in zip(bounds, again, strict=True):
+                own[..., loose] = other
+    return least, largest
 
-        def beyond(run: Any, bounds: _Bounds) -> Any:
-            """Return the pieces that may exceed the extremes found so far by more than rounding."""
-            slack = 2.0 * ROUNDING * bounds.size - bounds.error
-            rows = bounds.coefficients.min(axis=0) < least[run] - slack
-            rows |= bounds.coefficients.max(axis=0) > largest[run] + slack
-            rows |= np.isinf(bounds.error)
-            rows = np.flatnonzero(rows & ((bounds.error != 0) | (bounds.turns > 0)))
-            return rows[rank_in_run(run[rows]) < MOST_PIECES]
 
-        for end in (0.0, 1.0):
-            found(pieces.run, self.value(pieces, numbers, end))
-        bounds = self._bounds(pieces, numbers)
-        for _ in range(50):
-            rows = beyond(pieces.run, bounds)
-            if not len(rows):
-                break
-            pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
-            at, settled = bounds.stationary()
-            found(pieces.run, self.value(pieces, numbers, at))
-            rows = np.flatnonzero(~(settled & (bounds.error == 0) & (bounds.turns == 1)))
-            pieces, bounds = pieces.chosen(rows), bounds.chosen(rows)
-            found(pieces.run, self.value(pieces, numbers, 0.5))
-            order = np.argsort(np.tile(np.arange(len(rows)), 2), kind="stable")  # halves of a piece are consecutive
-            half = np.full(len(rows), 0.5)
-            pieces = joined_pieces([pieces.part(first, half) for first in (0.0 * half, half)]).chosen(order)
-            halves = zip(*bounds.halves(), strict=True)
-            bounds = _Bounds(*(np.concatenate(pair, axis=-1) for pair in halves)).chosen(order)
-            loose = np.flatnonzero(bounds.error)
-            if len(loose):
-                again = self._bounds(pieces.chosen(loose), numbers)
-                for own, other in zip(bounds, again, strict=True):
-                    own[..., loose] = other
-        return least, largest
+def _bounds(tape: Tape, pieces: Pieces, numbers: Sequence[Vector]) -> _Bounds:
+    """Return bounds from the series; its error is estimated by its last terms, its midpoint and its end."""
+    order = pieces.states.shape[1] - 1
+    series, size = _series(tape, pieces, numbers, order)
+    error = np.abs(series[-1]) + np.abs(series[-2])
+    somewhere = np.isfinite(series[0])
+    for at in (0.5, 1.0):
+        polynomial, value = series[-1], _value(tape, pieces, numbers, at)
+        for k in range(order - 1, -1, -1):
+            polynomial = polynomial * at + series[k]
+        error = error + np.abs(polynomial - value)
+        somewhere |= np.isfinite(value)
+    coefficients, binomials = np.zeros_like(series), _binomials(order)
+    for k in range(order + 1):
+        coefficients += binomials[:, k] / binomials[order, k] * series[k]
+    error = np.where(np.isfinite(error), error, np.where(somewhere, np.inf, np.nan))
+    size = np.maximum(size, np.abs(series).sum(axis=0))
+    error[error <= ROUNDING * size] = 0.0
+    return _Bounds(coefficients, error, size)
 
-    def _bounds(self, pieces: Pieces, numbers: Sequence[Vector]) -> _Bounds:
-        """Return bounds from the series; its error is estimated by its last terms, its midpoint and its end."""
-        order = pieces.states.shape[1] - 1
-        series, size = self.series(pieces, numbers, order)
-        error = np.abs(series[-1]) + np.abs(series[-2])
-        somewhere = np.isfinite(series[0])
-        for at in (0.5, 1.0):
-            polynomial, value = series[-1], self.value(pieces, numbers, at)
-            for k in range(order - 1, -1, -1):
-                polynomial = polynomial * at + series[k]
-            error = error + np.abs(polynomial - value)
-            somewhere |= np.isfinite(value)
-        coefficients, binomials = np.zeros_like(series), _binomials(order)
-        for k in range(order + 1):
-            coefficients += binomials[:, k] / binomials[order, k] * series[k]
-        error = np.where(np.isfinite(error), error, np.where(somewhere, np.inf, np.nan))
-        size = np.maximum(size, np.abs(series).sum(axis=0))
-        error[error <= ROUNDING * size] = 0.0
-        return _Bounds(coefficients, error, size)
 
-    def series(self, pieces: Pieces, numbers: Sequence[Vector], order: int) -> tuple[Vector, Vector]:
-        """Return the coefficients on each piece, shape (order + 1, S), and the largest number in the first."""
-        constants = [c[pieces.run] for c in numbers]
-        states = [list(own) for own in pieces.states]
-        (found,), sizes = along(self._tape, constants, pieces.begin, states, order, NUMPY, pieces.length)
-        nothing = np.zeros(len(pieces.run))
-        return np.array([nothing + c for c in found]), np.max([nothing, *map(np.abs, sizes)], axis=0)
+def _series(tape: Tape, pieces: Pieces, numbers: Sequence[Vector], order: int) -> tuple[Vector, Vector]:
+    """Return the coefficients on each piece, shape (order + 1, S), and the largest number in the first."""
+    constants = [c[pieces.run] for c in numbers]
+    states = [list(own) for own in pieces.states]
+    (found,), sizes = along(tape, constants, pieces.begin, states, order, NUMPY, pieces.length)
+    nothing = np.zeros(len(pieces.run))
+    return np.array([nothing + c for c in found]), np.max([nothing, *map(np.abs, sizes)], axis=0)
 
-    def value(self, pieces: Pieces, numbers: Sequence[Vector], at: Vector | float) -> Vector:
-        """Evaluate the expression at a fraction of each piece (0 to 1), shape (S,)."""
-        x = pieces.states[:, -1]
-        for k in range(pieces.states.shape[1] - 2, -1, -1):
-            x = x * at + pieces.states[:, k]
-        there = Pieces(pieces.run, pieces.begin + at * pieces.length, pieces.length, x[:, None])
-        return self.series(there, numbers, 0)[0][0]
+
+def _value(tape: Tape, pieces: Pieces, numbers: Sequence[Vector], at: Vector | float) -> Vector:
+    """Evaluate the expression at a fraction of each piece (0 to 1), shape (S,)."""
+    x = pieces.states[:, -1]
+    for k in range(pieces.states.shape[1] - 2, -1, -1):
+        x = x * at + pieces.states[:, k]
+    there = Pieces(pieces.run, pieces.begin + at * pieces.length, pieces.length, x[:, None])
+    return _series(tape, there, numbers, 0)[0][0]
 
 
 @lru_cache(maxsize=64)
-def along_steps(system: System, text: str) -> AlongSteps:
-    """Return the evaluation of an expression given as text; cached for the chunks of a sweep."""
-    return AlongSteps(system.model.states, moving_expression(system, text, "expression"))
+def _tape_of(system: System, text: str) -> Tape:
+    """Return the tape of an expression given as text; cached for the chunks of a sweep."""
+    return build_tape(system.model.states, (), [moving_expression(system, text, "expression")])
 
 
 @dataclass(frozen=True)
@@ -246,10 +237,10 @@ class Extremes(Observation):
     kind: ClassVar[str] = "extremes"
 
     def check(self, system: System) -> None:
-        along_steps(system, self.of)
+        _tape_of(system, self.of)
 
     def columns(self, runs: Runs) -> Columns:
-        steps = along_steps(runs.system, self.of)
+        tape = _tape_of(runs.system, self.of)
         parameters = {name: pairs[:, 0] for name, pairs in runs.numbers.items()}
         after = -np.inf if self.after is None else self.after
         least, largest = np.full(len(runs), np.nan), np.full(len(runs), np.nan)
@@ -259,7 +250,7 @@ class Extremes(Observation):
             if parts:
                 pieces = joined_pieces(parts, after)
                 own = np.unique(pieces.run)
-                found = steps.extremes(pieces, parameters, len(runs))
+                found = extremes(tape, pieces, parameters, len(runs))
                 least[own], largest[own] = found[0][own], found[1][own]
                 parts.clear()
 
@@ -270,7 +261,7 @@ class Extremes(Observation):
                 continue
             assert solution is not None
             parts.append(pieces_of(k, solution, after))
-            if sum(part.states.size for part in parts) > MOST_NUMBERS:
+            if sum(part.states.size for part in parts) > 1 << 22:  # bounds the memory; one run alone may need more
                 search()
         search()
         name = self.name or self.of

@@ -167,8 +167,9 @@ def function(of: Callable[[Solution], Any], name: str = VALUE, dense_output: boo
     return Function(of, _name(name), _flag(dense_output, "dense_output"))
 
 
-_IN_FILES = sticks, final_state, section, period, extremes, lyapunov, status
-KINDS: dict[str, Callable[..., Observation]] = {make.__name__: make for make in _IN_FILES}
+KINDS: dict[str, Callable[..., Observation]] = {
+    make.__name__: make for make in (sticks, final_state, section, period, extremes, lyapunov, status)
+}
 """Name in a sweep file -> function that makes the observation. (Functions of the user cannot be in a file.)"""
 
 

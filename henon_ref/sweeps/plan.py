@@ -56,7 +56,7 @@ class Plan:
     def task(self, numbers: Sequence[int], pickled: bytes) -> Task:
         """Return the task of a worker for consecutive chunks."""
         start, stop = self.chunks[numbers[0]].start, self.chunks[numbers[-1]].stop
-        return Task(numbers[0], (pickled, start, self.points.values[start:stop], self.chunk))
+        return numbers[0], (pickled, start, self.points.values[start:stop], self.chunk)
 
     def own_columns(self, number: int) -> Columns:
         """Return the columns of a chunk that come from its points: their numbers, values and labels."""

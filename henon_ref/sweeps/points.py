@@ -23,11 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Points", "continuation", "grid", "random", "table"]
 
-DIRECTION = "direction"
-"""Column of a continuation: ``up`` or ``down``."""
-OWN_COLUMNS = ("point", "status", DIRECTION)
-"""Columns of the table of a sweep, which no parameter, state or observation may use as a name."""
-METHODS = ("independent", "sobol")
+OWN_COLUMNS = ("point", "status", "direction")
+"""Columns of the table of a sweep (the last of continuations only); no parameter, state or observation is named so."""
 DISTRIBUTIONS = {"uniform": "its least and largest value", "normal": "its mean and standard deviation"}
 """Distribution -> meaning of its two numbers."""
 
@@ -148,7 +145,7 @@ def continuation(
     chains = prod(map(len, across.values()))
     check_size(len(path) * chains, len(across) + 1, "a continuation")
     made = np.column_stack([np.repeat(_combined(across), len(path), axis=0), np.tile(path, chains)])
-    labels = {DIRECTION: np.tile(np.array([d for d in directions for _ in values], dtype=object), chains)}
+    labels = {"direction": np.tile(np.array([d for d in directions for _ in values], dtype=object), chains)}
     written = {"along": _written(along, line), "directions": list(directions)}
     if axes and across:
         written["grid"] = _written(axes, across)
@@ -186,8 +183,8 @@ def random(draws: Mapping[str, Any], *, count: int, seed: int = 0, method: str =
         raise ArgumentError(f"draws are {str(draws)[:60]}; wanted a mapping such as {{'x': {{'uniform': [0, 1]}}}}")
     whole_number(count, "count", most=MOST_NUMBERS)
     whole_number(seed, "seed", least=0, most=2**63)
-    if method not in METHODS:
-        raise ArgumentError(f"method is {str(method)[:60]!r}; wanted {' or '.join(METHODS)}")
+    if method not in ("independent", "sobol"):
+        raise ArgumentError(f"method is {str(method)[:60]!r}; wanted independent or sobol")
     shapes = {str(name): _distribution(name, given) for name, given in draws.items()}
     check_size(count, len(shapes), "'random'")
     unit = _unit_cube(len(shapes), count, seed, method)

@@ -66,7 +66,7 @@ class Function(Observation):
                         f"a column '{name[:60]}'", runs.point_words(k), f"its columns are {list(kinds)}"
                     )
                 if cell is not None and type(cell) is not kinds[name] and cell == cell:
-                    wanted = f"'{name[:60]}' is a column of {_WORDS[kinds[name]]}"
+                    wanted = f"'{name[:60]}' is a column of {'numbers' if kinds[name] is float else 'text'}"
                     raise self._refused(f"{cell!r:.60}", runs.point_words(k), f"{wanted}, as its first value was")
             rows.append(row)
         return {name: _column([row.get(name) for row in rows], kind) for name, kind in kinds.items()}
@@ -100,9 +100,6 @@ class Function(Observation):
 
     def _refused(self, what: str, point: str, wanted: str) -> ArgumentError:
         return ArgumentError(f"the function '{self.name}' returned {what} at {point}; {wanted}")
-
-
-_WORDS: dict[type, str] = {float: "numbers", str: "text"}
 
 
 def with_columns(work: Work, points: Points) -> tuple[Observation, ...]:

@@ -27,7 +27,7 @@ from henon_ref.atomic_write import replace_file
 from henon_ref.errors import CaseError
 from henon_ref.sweeps.chunk import POINTS, Tables
 from henon_ref.sweeps.plan import Plan
-from henon_ref.sweeps.table_files import CSV, MOST_WRITTEN, PARQUET, check_arrow, csv_bytes, parquet, read_parquet
+from henon_ref.sweeps.table_files import check_arrow, csv_bytes, parquet, read_parquet
 from henon_ref.sweeps.work import Observation
 from henon_ref.system.python_values import written
 from henon_ref.system.tree import as_written
@@ -39,7 +39,6 @@ MANIFEST, SWEEP_FILE = "manifest.json", "sweep.yaml"
 PAGE = "index.html"
 KEY = "henon_ref_sweep"
 """Key of the manifest with the names that belong to the sweep."""
-KEPT = "finished chunks are kept: --resume (resume=True) continues from them"
 
 
 @dataclass(frozen=True)
@@ -133,7 +132,8 @@ class SweepFolder:
                 folder.mkdir(exist_ok=True)
                 replace_file(folder / _file(number), parquet(columns))
         except OSError as error:
-            raise _unwritten(error, self.path, KEPT) from error
+            kept = "finished chunks are kept: --resume (resume=True) continues from them"
+            raise _unwritten(error, self.path, kept) from error
 
     def read(self, number: int) -> Tables | None:
         """Return a finished chunk's tables as observed; None if a file is missing or differs from what was written."""
@@ -219,10 +219,10 @@ def _files(plan: Plan) -> dict[str, bytes]:
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
     yaml.width = 120
     points, tables = plan.points, dict[str, bytes]()
-    if not points.written and points.values.size <= MOST_WRITTEN:
-        tables[CSV] = csv_bytes(points.names, points.values)
+    if not points.written and points.values.size <= 2**18:  # larger tables are written as Parquet
+        tables["points.csv"] = csv_bytes(points.names, points.values)
     elif not points.written:
-        tables[PARQUET] = parquet({name: points.values[:, k] for k, name in enumerate(points.names)})
+        tables["points.parquet"] = parquet({name: points.values[:, k] for k, name in enumerate(points.names)})
     yaml.dump(_sweep_file(plan, *tables), buffer)
     return {SWEEP_FILE: buffer.getvalue().encode(), **tables}
 

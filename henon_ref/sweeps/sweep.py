@@ -181,12 +181,12 @@ def _run(
     pickled = plan.work.pickled()
     refused: list[str] = []
     count = len(plan.chunks) - len(ahead)
-    groups = _Groups(ahead, max(MOST_CHUNK // plan.chunk, 1))
-    tasks = (plan.task(numbers, pickled) for numbers in groups)
+    size, most = 1, max(MOST_CHUNK // plan.chunk, 1)
+    tasks = (plan.task(numbers, pickled) for numbers in _groups(ahead, lambda: size))
     try:
         with closing(finished(execute, tasks, executor=executor, jobs=min(jobs, len(ahead)))) as results:
             for first, (chunks, seconds) in results:
-                groups.took(len(chunks), seconds)
+                size = _group_size(len(chunks), seconds, most)
                 for number, tables in enumerate(chunks, start=first):
                     if folder is not None:
                         folder.write(number, tables)
@@ -204,27 +204,19 @@ def _run(
         _LOG.warning("%s", words)
 
 
-class _Groups(Iterator[list[int]]):
-    """Iterator over groups of up to ``most`` consecutive chunk numbers, one for each task.
-
-    The faster the chunks, the larger the groups.
-    """
-
-    def __init__(self, numbers: Sequence[int], most: int) -> None:
-        self._numbers, self._most, self._size, self._next = numbers, most, 1, 0
-
-    def took(self, count: int, seconds: float) -> None:
-        """Record the processor time of a number of chunks [s]."""
-        wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), 8))  # at most 8 times as many
-        self._size = min(max(wanted, 1), self._most)
-
-    def __next__(self) -> list[int]:
-        group = list(self._numbers[self._next : self._next + self._size])
-        if not group:
-            raise StopIteration
+def _groups(numbers: Sequence[int], size: Callable[[], int]) -> Iterator[list[int]]:
+    """Yield groups of consecutive chunk numbers, one for each task; ``size`` returns the present largest length."""
+    at = 0
+    while group := numbers[at : at + size()]:
         group = [number for k, number in enumerate(group) if number == group[0] + k]
-        self._next += len(group)
-        return group
+        at += len(group)
+        yield group
+
+
+def _group_size(count: int, seconds: float, most: int) -> int:
+    """Return the number of chunks of a task, at most ``most``, given the processor time of ``count`` chunks [s]."""
+    wanted = int(count * min(TASK_SECONDS / max(seconds, 1e-9), 8))  # at most 8 times as many
+    return min(max(wanted, 1), most)
 
 
 @contextmanager

@@ -23,12 +23,6 @@ Columns = dict[str, NDArray[Any]]
 
 MOST_NUMBERS = 2**25
 """Largest number of values of all points of a sweep: 256 MiB."""
-LONGEST_LINE = 2**20
-"""Number of bytes of a CSV file that are read at a time; no line may be longer."""
-MOST_WRITTEN = 2**18
-"""Largest number of values of a table that is written as CSV; larger tables are written as Parquet."""
-CSV, PARQUET = "points.csv", "points.parquet"
-"""File names of the table of points among a sweep's results."""
 
 
 def check_size(points: int, names: int, what: str) -> None:
@@ -84,7 +78,7 @@ def _csv_columns(path: Path) -> Mapping[str, Vector]:
     import pyarrow.csv as csv
 
     options: Any = csv.ReadOptions
-    blocks = options(block_size=LONGEST_LINE, use_threads=False)
+    blocks = options(block_size=2**20, use_threads=False)  # no line may be longer
     with csv.open_csv(path, read_options=blocks) as head:
         names = head.schema.names
     _check_names(path, names)

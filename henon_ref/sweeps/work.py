@@ -161,48 +161,29 @@ class Work:
 
 
 class Runs:
-    """K runs of one system, and R transitions of them.
+    """K runs of one system with n states, and R transitions of them.
 
-    Parameters
-    ----------
-    work : Work
-    values : ndarray, shape (K, names)
-        Values of the points.
-    first : int
-        Index of the first run among all points of the sweep.
-
-    Attributes
-    ----------
-    values : dict
-        Parameter or state -> its value in each run, shape (K,); other values are those of the work.
-    numbers : dict
-        Every parameter -> pairs of doubles, shape (K, 2).
-    initial, times : ndarray, shape (K, n, 2), (K, 2, 2)
-        Pairs of doubles of the initial state, and of initial time and horizon [s].
-    status, message : ndarray of str, shape (K,)
-    end_time : ndarray, shape (K,)
-        End of each run [s].
-    end_state : ndarray, shape (K, n)
-    end_mode : ndarray of int, shape (K,)
-        Index in ``modes``; -1 if there was no mode.
-    counts : ndarray of int, shape (K, 3)
-        Numbers of steps, expansions, evaluations of guards.
-    refused : ndarray of bool, shape (K,)
-        Whether a run could not start; initially True for all runs.
+    ``values`` are those of the points, shape (K, names), and ``first`` is the index of the first run among all points.
     """
 
     def __init__(self, work: Work, values: Vector, first: int = 0) -> None:
         count, system = len(values), work.system
         self.work, self.system, self.first = work, system, first
+        # Parameter or state -> its value in each run, shape (K,); other values are those of the work.
         self.values = {name: np.ascontiguousarray(values[:, k]) for k, name in enumerate(work.names)}
         pairs = work.pairs(self.values, count)
+        # Pairs of doubles: every parameter (K, 2), initial states (K, n, 2), initial times and horizons [s] (K, 2, 2).
         self.numbers = {name: pairs[name] for name in system.parameters}
         self.initial = np.stack([pairs[name] for name in system.state], axis=1)
         self.times = np.stack([pairs[START], pairs[UNTIL]], axis=1)
         self.status, self.message = np.full(count, "failed", dtype=object), np.full(count, "", dtype=object)
         self.end_time, self.end_state = self.times[:, 0, 0].copy(), self.initial[:, :, 0].copy()
-        self.end_mode, self.counts = np.full(count, -1), np.zeros((count, 3), dtype=np.int64)
+        self.end_mode = np.full(count, -1)
+        """Index in ``modes``; -1 if there was no mode."""
+        self.counts = np.zeros((count, 3), dtype=np.int64)
+        """Numbers of steps, expansions, evaluations of guards."""
         self.refused = np.ones(count, dtype=np.bool_)
+        """Whether a run could not start; initially True for all runs."""
         self._records: list[NDArray[Any]] = []
         self._rows: dict[Mode, int] = {}
 

@@ -48,23 +48,7 @@ def framed(token: bytes, pickled: bytes) -> bytes:
 
 
 class Channel:
-    """The caller's end of the channel.
-
-    Parameters
-    ----------
-    own : socket
-    largest : int, optional
-        Largest size of a message [bytes]; None: unlimited.
-
-    Attributes
-    ----------
-    sender : int or None
-        Process number of the worker: the first sender, before any job.
-    waiting : bytearray
-        Data still to be sent.
-    closed : bool
-        Whether the worker's end is closed.
-    """
+    """The caller's end of the channel; ``largest``: largest size of a message [bytes], None: unlimited."""
 
     def __init__(self, own: socket.socket, largest: int | None = LARGEST) -> None:
         self.socket, self.largest = own, largest
@@ -72,8 +56,11 @@ class Channel:
         if _VOUCHED:
             own.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         self.sender: int | None = None
+        """Process number of the worker: the first sender, before any job."""
         self.waiting = bytearray()
+        """Data still to be sent."""
         self.closed = False
+        """Whether the worker's end is closed."""
         self._come = bytearray()
 
     def send(self, token: bytes, pickled: bytes) -> None:

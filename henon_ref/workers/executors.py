@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, closing, contextmanager
-from typing import Any, NamedTuple
+from typing import Any
 
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.workers.pool import Jobs, WorkerPool
@@ -21,17 +21,12 @@ from henon_ref.workers.worker import Failure, Job, WorkerState
 
 TRIES = 3
 """Number of attempts at a task whose worker dies."""
+Task = tuple[int, tuple[Any, ...]]
+"""Number that identifies a task, and the arguments of its function."""
 
 
 class EndedError(HenonRefError):
     """The workers or the executor ended before the tasks were finished."""
-
-
-class Task(NamedTuple):
-    """Number that identifies a task, and the arguments of its function."""
-
-    number: int
-    arguments: tuple[Any, ...]
 
 
 def processors() -> int:
@@ -54,27 +49,16 @@ def finished(
 ) -> Generator[tuple[int, Any], None, None]:
     """Execute tasks, and yield the number of each and the value of its function as they finish.
 
-    Parameters
-    ----------
-    function : callable
-        Function of a module, so that workers can import it by name.
-    tasks : iterable of Task
-        Consumed as workers become free, so that memory does not grow with the number of tasks.
-    executor : Executor or Client, optional
-        Used instead of worker processes; it is not shut down.
-    jobs : int
-        Number of worker processes; with 1, the tasks run in this process.
-
-    Raises
-    ------
-    EndedError
-        If workers die repeatedly, or the executor ends. Exceptions of a task propagate.
+    The function belongs to a module, so that workers can import it by name. Tasks are consumed as workers become free,
+    so that memory does not grow with their number. ``executor``, an Executor or a Dask Client, replaces the worker
+    processes, and is not shut down. With one job, the tasks run in this process. EndedError if workers die repeatedly,
+    or the executor ends; exceptions of a task propagate.
     """
     if executor is not None:
         yield from _on_executor(function, tasks, executor)
     elif jobs == 1:
-        for task in tasks:
-            yield task.number, function(*task.arguments)
+        for number, arguments in tasks:
+            yield number, function(*arguments)
     else:
         yield from _by_workers(function, iter(tasks), jobs)
 
@@ -88,11 +72,11 @@ def _on_executor(function: Callable[..., Any], tasks: Iterable[Task], executor: 
                 workers = max(sum(executor.nthreads().values()), 1)
                 executor = executor.get_executor(pure=False)
             stack.callback(executor.shutdown, wait=False)
-        running: dict[Future[Any], Task] = {}
+        running: dict[Future[Any], int] = {}
         try:
-            for task in tasks:
+            for number, arguments in tasks:
                 with _reached():
-                    running[executor.submit(function, *task.arguments)] = task
+                    running[executor.submit(function, *arguments)] = number
                 if len(running) >= 3 * workers:
                     yield from _done(running)
             while running:
@@ -121,10 +105,10 @@ def _ended(error: Exception) -> EndedError:
     )
 
 
-def _done(running: dict[Future[Any], Task]) -> Iterator[tuple[int, Any]]:
-    for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=lambda f: running[f].number):
+def _done(running: dict[Future[Any], int]) -> Iterator[tuple[int, Any]]:
+    for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=running.__getitem__):
         found = future.result()
-        yield running.pop(future).number, found
+        yield running.pop(future), found
 
 
 def _call(state: WorkerState, function: Callable[..., Any], *arguments: Any) -> tuple[bool, Any]:
@@ -150,20 +134,20 @@ def _by_workers(function: Callable[..., Any], tasks: Iterator[Task], jobs: int) 
     results: deque[tuple[int, Any]] = deque()
 
     def sequence() -> Jobs:
-        for task in tasks:
+        for number, arguments in tasks:
             for _ in range(TRIES):
-                result = yield Job(_call, (function, *task.arguments), math.inf)
+                result = yield Job(_call, (function, *arguments), math.inf)
                 if not isinstance(result, Failure):
                     break
             else:
                 raise EndedError(
-                    f"{TRIES} workers ended while running chunk {task.number}, killed or out of memory "
+                    f"{TRIES} workers ended while running chunk {number}, killed or out of memory "
                     f"(smaller chunks need less memory); the last one: {result.reason}"
                 )
             succeeded, value = result
             if not succeeded:
                 raise value
-            results.append((task.number, value))
+            results.append((number, value))
 
     pool = WorkerPool(workers=jobs, modules=[function.__module__])
     for _ in range(jobs):

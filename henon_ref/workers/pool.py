@@ -31,10 +31,8 @@ from henon_ref.errors import HenonRefError
 from henon_ref.text import short_line
 from henon_ref.workers.channel import NO_TOKEN, NoReply, new_token
 from henon_ref.workers.worker import REPLY, Failure, Job, failure_of
-from henon_ref.workers.worker_process import FORK, WorkerProcess, exchange, start_method
+from henon_ref.workers.worker_process import WorkerProcess, exchange, start_method
 
-POLL = 0.05
-"""Interval between two checks of time and memory [s]."""
 WALL = 3.0
 """Wall time that a job may take, as a multiple of its deadline."""
 COMPILE_SECONDS = 120.0
@@ -88,18 +86,10 @@ class _Task:
 
 
 class WorkerPool:
-    """Runs sequences of jobs, several at a time.
+    """Runs sequences of jobs, each in one of at most ``workers`` workers.
 
-    Parameters
-    ----------
-    workers : int
-        Largest number of workers at a time.
-    memory : int, optional
-        Largest memory of one worker with its descendants [bytes]; None: unlimited.
-    main : bool
-        Whether jobs contain objects of the caller's main module.
-    modules : sequence of str
-        Modules that workers must have imported.
+    ``memory`` is the largest memory of one worker with its descendants [bytes], None: unlimited; ``main``: whether jobs
+    contain objects of the caller's main module; ``modules``: modules that workers must have imported.
     """
 
     def __init__(
@@ -134,7 +124,7 @@ class WorkerPool:
                     at_work = {task.queue for task in self._tasks}
                     free = (name for name in self._waiting if name not in at_work)
                     self._begin(next(free, next(iter(self._waiting))), None)
-                exchange([task.worker for task in self._tasks if task.worker is not None], POLL)
+                exchange([task.worker for task in self._tasks if task.worker is not None], seconds=0.05)
                 for task in list(self._tasks):
                     self._receive(task)
                 self._enforce()
@@ -197,7 +187,7 @@ class WorkerPool:
                 "define solvers at the top of a module"
             ) from error
         if task.worker is None:
-            if start_method() == FORK:
+            if start_method() == "fork":
                 for module in self._modules:
                     import_module(module)
             task.worker = WorkerProcess(self.memory, main=self._main, modules=self._modules)

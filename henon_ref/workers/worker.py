@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 REPLY, COMPILING = "reply", "compiling"
 """Kinds of messages: result of a job; the job's clock stops (None) or continues (seconds of the interruption)."""
-SELDOM = 200_000
-"""Number of allocations between two garbage collections."""
 LAST_SECONDS = 5.0
 """Time to wait for killed processes to disappear [s]."""
 
@@ -89,20 +87,11 @@ def work(
     guarded: bool,
     environment: Mapping[str, str] | None,
 ) -> NoReturn:
-    """Run as the process started by a caller: serve jobs, or guard a fork that does.
+    """Run as the process started by a caller: serve jobs, or, with ``guarded``, guard a fork that does.
 
-    Parameters
-    ----------
-    theirs : socket
-        Worker's end of a :class:`~henon_ref.workers.channel.Channel`.
-    log : socket, optional
-        Replaces standard output and standard error.
-    memory : int, optional
-        Limit on the data of the worker [bytes].
-    guarded : bool
-        Whether the worker is to be a fork of this process.
-    environment : mapping, optional
-        Environment of the caller, if this process is a fork of a server that was started earlier.
+    ``theirs`` is the worker's end of the channel; ``log`` replaces standard output and standard error; ``memory`` is a
+    limit on the data of the worker [bytes]; ``environment`` is that of the caller, if this process is a fork of a
+    server that was started earlier.
     """
     if environment is not None:
         os.environ.clear()
@@ -235,7 +224,7 @@ def _serve(theirs: socket.socket) -> None:
 
 def collect_seldom() -> None:
     """Make garbage collections rare: imported and compiled objects stay, and scanning them costs time."""
-    gc.set_threshold(SELDOM)
+    gc.set_threshold(200_000)
 
 
 def failure_of(error: BaseException) -> Failure:

@@ -25,32 +25,29 @@ from multiprocessing import current_process, get_context
 from multiprocessing import forkserver as server
 from multiprocessing.spawn import get_preparation_data
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal
 
 from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
+from henon_ref.workers import ONE_THREAD
 from henon_ref.workers.channel import LARGEST, Channel
 from henon_ref.workers.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Workers use one thread each: threads of linear algebra would compete with other workers."""
-FORK, SERVER, SPAWN = "fork", "forkserver", "spawn"
 SERVER_START = "henon_ref.workers.server_start"
 """First module that a fork server imports."""
-_AT_ONCE = 1 << 16
 _served = False
 """Whether this process has started a fork server."""
 _own_ends: set[socket.socket] = set()
 """Caller's ends of all channels, which a forked worker closes."""
 
 
-def start_method() -> str:
+def start_method() -> Literal["fork", "forkserver", "spawn"]:
     """Return how workers start; a process is forked only if no other thread can hold a lock."""
-    if sys.platform != "linux" or os.environ.get("HENON_REF_START") == SPAWN:
-        return SPAWN
-    return FORK if threading.active_count() == 1 and not _served else SERVER
+    if sys.platform != "linux" or os.environ.get("HENON_REF_START") == "spawn":
+        return "spawn"
+    return "fork" if threading.active_count() == 1 and not _served else "forkserver"
 
 
 def begin_server(*modules: str) -> None:
@@ -59,7 +56,7 @@ def begin_server(*modules: str) -> None:
     Only if a second core is available. It is the server of the standard library, and ends with this process.
     """
     global _served
-    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or start_method() == SPAWN:
+    if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2 or start_method() == "spawn":
         return
     server.set_forkserver_preload([SERVER_START, *modules])
     with suppress(OSError), _fresh(main=False):  # for example, no socket can be created
@@ -99,23 +96,10 @@ def _work(*arguments: Any) -> None:
 
 
 class WorkerProcess:
-    """A worker as seen by its caller.
+    """A worker as seen by its caller; ``main`` and ``modules`` as in :class:`~henon_ref.workers.pool.WorkerPool`.
 
-    Parameters
-    ----------
-    memory : int, optional
-        Limit on its data [bytes]; the end of its output is then kept. None: no limit, and its output is not captured.
-    main : bool
-        Whether jobs contain objects of the caller's main module.
-    modules : sequence of str
-        Modules that it must have imported.
-
-    Attributes
-    ----------
-    ended : int or None
-        Exit status, set when the worker has ended; all data that it has sent can then be read.
-    began_with : int or None
-        Memory of the worker at its start [bytes]; None until it has started.
+    ``memory`` is a limit on its data [bytes], and the end of its output is then kept. None: no limit, and its output is
+    not captured.
     """
 
     def __init__(self, memory: int | None = None, *, main: bool = False, modules: Sequence[str] = ()) -> None:
@@ -134,20 +118,22 @@ class WorkerProcess:
         self._listened = [end for end in (ours, self._log) if end is not None]
         _own_ends.update(self._listened)
         self.ended: int | None = None
+        """Exit status, set when the worker has ended; all data that it has sent can then be read."""
         self.asked = time.monotonic()
         self.began_with: int | None = None
+        """Memory of the worker at its start [bytes]; None until it has started."""
         self._waited: dict[int, float] = {}
         self._tail = b""
-        self._guarded = method != SPAWN
+        self._guarded = method != "spawn"
         with warnings.catch_warnings():
             # Threads of linear algebra libraries survive a fork, by handlers of these libraries.
             warnings.simplefilter("ignore", DeprecationWarning)
-            given = theirs, log, memory, self._guarded, dict(os.environ) if method == SERVER else None
+            given = theirs, log, memory, self._guarded, dict(os.environ) if method == "forkserver" else None
             context: Any = get_context(method)
             self._process = context.Process(target=_work, args=given)
-            if method == SERVER and not _served:
+            if method == "forkserver" and not _served:
                 server.set_forkserver_preload([SERVER_START, *modules])
-            with nullcontext() if method == FORK else _fresh(main=main):
+            with nullcontext() if method == "fork" else _fresh(main=main):
                 self._process.start()
         theirs.close()
         if log is not None:
@@ -187,7 +173,7 @@ class WorkerProcess:
         if self._log is None:
             return
         with suppress(BlockingIOError, ConnectionResetError):
-            printed = self._log.recv(_AT_ONCE)
+            printed = self._log.recv(1 << 16)
             self._tail = (self._tail + printed)[-4000:]
             if not printed and self._log in self._listened:
                 self._listened.remove(self._log)

@@ -10,7 +10,7 @@ import henon_ref
 from henon_ref.casefile import files
 from henon_ref.casefile.files import case_files, located, shipped_folder, shipped_names
 from henon_ref.errors import CaseError
-from henon_ref.harness.campaign.case_files import read_cases
+from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.truth import store
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -65,7 +65,7 @@ def test_a_path_is_as_before(elsewhere: Path) -> None:
 
 
 def test_a_case_named_twice_is_read_once() -> None:
-    assert [case.name for case in read_cases([Path("fig8"), FIG8])] == ["fig8"]
+    assert [case.name for case in load_cases([Path("fig8"), FIG8])] == ["fig8"]
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_a_case_named_twice_is_read_once() -> None:
 )
 def test_an_unknown_name_is_told_with_similar_ones(name: str, similar: str) -> None:
     with pytest.raises(CaseError, match=f"^{name}: no file, folder or shipped case has this name.*: .*{similar}"):
-        read_cases([Path(name)])
+        load_cases([Path(name)])
 
 
 def test_a_name_like_none_is_told_where_the_names_are() -> None:

@@ -16,7 +16,8 @@ from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, mo
 from henon_ref.figures.style import description_of, image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.jobs import sample_times, statement_of
+from henon_ref.harness.campaign.comparison import expected_of
+from henon_ref.harness.campaign.jobs import sample_times, truth_of
 from henon_ref.harness.figures import draw_cost, draw_errors, running_maximum
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
@@ -32,7 +33,7 @@ def moved(name: str) -> tuple[Reading, Expected, Motion]:
     """A reading, its truth, and its motion as the reports draw it."""
     case = load_case(FIG8)
     reading = next(reading for reading in case.readings if reading.name == name)
-    expected = statement_of(case, reading).expected
+    expected = expected_of(reading, truth_of(case, reading))
     wanted = sample_times(
         expected.start, reading.measure_after, expected.until, [event.time for event in expected.transitions]
     )
@@ -73,11 +74,11 @@ def test_every_transition_is_a_vertex_of_the_curves(name):
 
     h = sp.lambdify([TIME, *system.states], system.numeric(system.surfaces[0]))
     times = np.array([event.time for event in inside])
-    figure = draw_modes(reading, motion)
+    figure = draw_modes(reading.problem.system, motion)
     heights = np.broadcast_to(h(times, *states.T), times.shape)
     assert farthest(np.column_stack([times, heights]), drawn_vertices(figure, figure.axes[0])) < TOLERANCE
 
-    portrait = draw_portrait(reading, motion)
+    portrait = draw_portrait(system, motion)
     plane = states[:, list(axes_of_portrait(system))]
     assert farthest(plane, drawn_vertices(portrait, portrait.axes[0])) < TOLERANCE
 
@@ -85,7 +86,7 @@ def test_every_transition_is_a_vertex_of_the_curves(name):
 def test_an_arc_is_as_smooth_as_its_samples():
     """No sample in between is left out, near a transition or away from one."""
     reading, _, motion = moved("equations")
-    figure = draw_modes(reading, motion)
+    figure = draw_modes(reading.problem.system, motion)
     drawn = drawn_vertices(figure, figure.axes[0])
     gaps = [b[0] - a[0] for a, b in pairwise(drawn.tolist())]
     assert max(gaps) <= 1.01 * np.diff(motion.times).max()

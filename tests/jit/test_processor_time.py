@@ -8,7 +8,7 @@ from fakes import case, found, trajectory
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.baselines.library import DeadlinePassed, Work
 from henon_ref.casefile.case import parse_case
-from henon_ref.harness.campaign.jobs import KEPT, run_once
+from henon_ref.harness.campaign.jobs import run_once
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.run import Run
 from henon_ref.jit import processor_time
@@ -97,7 +97,7 @@ def test_the_time_of_a_run_is_without_what_is_compiled_in_it(clocks):
         clocks.work(0.25)
         return trajectory(found())
 
-    state.kept[KEPT] = run, case().readings[0].problem
+    state.kept["run"] = run, case().readings[0].problem
     assert run_once(state, 100)[1] == pytest.approx(0.5)
     assert told == [(COMPILING, None), (COMPILING, 5.0)]
 

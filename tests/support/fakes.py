@@ -13,8 +13,8 @@ from jobs import Act, burn, grandchild, send_all
 
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.errors import UnsupportedError
-from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.truth.reference import Truth
 from henon_ref.jit.processor_time import compiling
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Counts, Trajectory, Transition
@@ -59,6 +59,8 @@ class Reference:
     conditioning: float = 1.0
     transversality: float = 1.0
     state: tuple[str, ...] = ("0.25",)
+    proven: bool = True
+    closed_form: bool = False
 
 
 _CYCLE = (("stick", 1, 0), ("release", 0, -1), ("crossing", -1, 1))
@@ -91,9 +93,19 @@ def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **change
     return whole._replace(**changes)
 
 
-def statement(case: Case, reading: object) -> Statement:
-    """Takes the place of ``jobs.statement_of``."""
-    return Statement(expected(), methods=(("made up", (256,), 0.1),), certified=True, proven=len(TIMES))
+def truth(case: object = None, reading: object = None) -> Truth:
+    """Takes the place of ``jobs.truth_of``."""
+    return truth_of(expected())
+
+
+def truth_of(exact: Expected, reason: str = "", **changes: object) -> Truth:
+    """The truth that is converted to this reference of scoring."""
+    status, methods = "failed" if exact.partial else exact.status, (("made up", (256,), 0.1),)
+    whole = Truth(
+        "made_up", "default", "", status, reason, repr(exact.end_time), 0.0, exact.transitions, exact.near_grazes,
+        methods, certified=True,
+    )  # fmt: skip
+    return replace(whole, **changes)
 
 
 @dataclass(frozen=True)

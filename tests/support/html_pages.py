@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fakes import CASE, case, statement
+from fakes import CASE, case, truth
 from made_reports import ORIGIN, changed, made
 
 from henon_ref.casefile.case import Case
@@ -51,7 +51,7 @@ def comparison(name: str, own: Case | None = None, solvers: dict[str, tuple[str,
     reading = own.readings[0]
     times = np.linspace(0.0, 5.0, 101)
     samples = Samples(times, np.cos(times)[:, None], None)
-    result = ReadingResult(reading, statement(None, None), samples=samples)
+    result = ReadingResult(reading, truth(), samples=samples)
     records = [
         made(solver, rtol, wall, what=what, reading=reading)
         for solver, (what, wall) in (solvers or RUNS[name]).items()
@@ -76,7 +76,7 @@ def two_readings() -> Comparison:
         times = np.linspace(0.0, float(reading.problem.until), 101)
         samples = Samples(times, np.cos(times)[:, None], None)
         figure = {f"{reading.name}_cost.svg": b"<svg/>"}
-        results.append(ReadingResult(reading, statement(None, None), samples=samples, figures=figure))
+        results.append(ReadingResult(reading, truth(), samples=samples, figures=figure))
         records.append(made("henon", 1e-6, 1e-3, reading=reading))
     records = [changed(record, case=own.name) for record in records]
     return Comparison(own, results, records, Options())

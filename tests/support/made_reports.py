@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fakes import CASE, case, expected, found, statement, trajectory
+from fakes import CASE, case, expected, found, trajectory, truth, truth_of
 
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.harness.report.manifest import Provenance
+from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.studies.study import StudyRequest
 from henon_ref.harness.table import Table
 from henon_ref.workers.worker import Failure
@@ -62,8 +63,8 @@ def changed(own: Record, **values: object) -> Record:
     return replace(own, run=replace(own.run, **values))
 
 
-def compared(*records: Record, **changes: object) -> Comparison:
-    result = ReadingResult(case().readings[0], replace(statement(None, None), **changes))
+def compared(*records: Record, exact: Expected | None = None, **changes: object) -> Comparison:
+    result = ReadingResult(case().readings[0], truth_of(exact or expected(), **changes))
     return Comparison(case(), [result], list(records), Options())
 
 
@@ -103,8 +104,7 @@ def sweep(wrong=(), readings=VALUES, without_truth=(), settings=(1e-6, 1e-9)) ->
     swept = case(text=SWEEP)
     chosen = [r for r in swept.readings if r.name in {f"f{v}" for v in readings}]
     results = [
-        ReadingResult(r, replace(statement(None, None), expected=None, reason="none")
-                      if r.name in without_truth else statement(None, None))
+        ReadingResult(r, Failure("failed", "none") if r.name in without_truth else truth())
         for r in chosen
     ]  # fmt: skip
     records = [

@@ -18,7 +18,7 @@ import numpy as np
 import henon_ref as hr
 from henon_ref.sweeps.chunk import execute
 from henon_ref.sweeps.plan import planned
-from henon_ref.workers.executors import Task, finished
+from henon_ref.workers.executors import finished
 
 FRICTION = {"xi": "1/20", "musd": 2, "mud": 0.5, "v0": 0.5, "vd": 1.5}
 LAW = "-x - 2*xi*v - s*(mud + mud*(musd - 1)*exp(-s*(v - vd)/v0))"
@@ -116,7 +116,7 @@ def tasks() -> None:
     execute(pickled, 0, plan.points.values[:1], 1)
     alone, _ = timed(lambda: [execute(pickled, k, plan.points.values[k : k + 1], 1) for k in range(500)])
     began = time.perf_counter()
-    given = (Task(k, (pickled, k, plan.points.values[k : k + 1], 1)) for k in range(4000))
+    given = ((k, (pickled, k, plan.points.values[k : k + 1], 1)) for k in range(4000))
     results = finished(execute, given, jobs=2)
     for _ in range(100):
         next(results)

@@ -32,18 +32,19 @@ def test_chunks_done_together_are_those_done_one_by_one() -> None:
     whole = plan(5)
     pickled = whole.work.pickled()
     together, _ = execute(pickled, 0, whole.points.values, 5)
-    alone = [execute(*whole.task([number], pickled).arguments)[0][0] for number in range(len(whole.chunks))]
+    alone = [execute(*whole.task([number], pickled)[1])[0][0] for number in range(len(whole.chunks))]
     assert [told(one) for one in together] == [told(one) for one in alone]
     assert [len(one.points["status"]) for one in together] == [5, 5, 5, 5, 3]
 
 
 def test_tasks_grow_while_they_are_short_and_follow_gaps() -> None:
-    groups = sweeps._Groups([0, 1, 2, 5, 6, 7, 8, 9, 10, 11], most=6)
+    size = 1
+    groups = sweeps._groups([0, 1, 2, 5, 6, 7, 8, 9, 10, 11], lambda: size)
     assert next(groups) == [0]
-    groups.took(1, 1e-4)
+    size = sweeps._group_size(1, 1e-4, most=6)
     assert next(groups) == [1, 2]
     assert next(groups) == [5, 6, 7, 8, 9, 10]
-    groups.took(6, 10.0)
+    size = sweeps._group_size(6, 10.0, most=6)
     assert list(groups) == [[11]]
 
 

@@ -27,7 +27,7 @@ from henon_ref.sweeps import observe
 from henon_ref.sweeps.points import continuation
 from henon_ref.sweeps.sweep import SweepTable, sweep
 from henon_ref.workers import worker_process
-from henon_ref.workers.executors import TRIES, Task, finished
+from henon_ref.workers.executors import TRIES, finished
 
 WANTED = [
     observe.sticks(after=20, each=True),
@@ -198,7 +198,7 @@ def _dies(number: int) -> int:
 
 @pytest.mark.parametrize("processes", daily(["fork", "forkserver", "spawn"], some=["fork"]), indirect=True)
 def test_a_task_whose_worker_is_killed_is_done_again(processes: str, tmp_path: Path) -> None:
-    tasks = (Task(k, (str(tmp_path / "mark"), k)) for k in range(60))
+    tasks = ((k, (str(tmp_path / "mark"), k)) for k in range(60))
     assert dict(finished(_dies_once, tasks, jobs=2)) == {k: k * k for k in range(60)}
 
 
@@ -206,7 +206,7 @@ def test_a_task_that_kills_every_worker_is_an_error(monkeypatch: pytest.MonkeyPa
     """However they begin; a copy of this process begins sooner."""
     monkeypatch.setattr(worker_process, "start_method", lambda: "fork" if sys.platform == "linux" else "spawn")
     with pytest.raises(HenonRefError, match=f"{TRIES} workers ended"):
-        dict(finished(_dies, [Task(0, (0,))], jobs=2))
+        dict(finished(_dies, [(0, (0,))], jobs=2))
 
 
 def test_a_script_needs_no_guard(tmp_path: Path) -> None:

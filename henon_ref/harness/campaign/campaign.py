@@ -104,12 +104,8 @@ def compare_all(
     """Compare several cases; deliver the comparison of each case after its last run.
 
     ``draw`` returns the job that draws the figures of a reading after its rows are finished; None: no figures and no
-    samples. Without an ``observer``, no progress is shown.
-
-    Raises
-    ------
-    CaseError
-        If a solver is unknown, or if none of the requested solvers applies to a case.
+    samples. Without an ``observer``, no progress is shown. CaseError if a solver is unknown, or if none of the
+    requested solvers applies to a case.
     """
     cache_root()  # chooses a usable cache folder, which the workers inherit
     check_solvers(cases, options)

@@ -9,7 +9,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
@@ -24,6 +24,9 @@ from henon_ref.harness.score.verdict import RIGHT
 from henon_ref.solver import Solver
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job
+
+if TYPE_CHECKING:
+    from henon_ref.harness.truth import Truth
 
 _LOG = logging.getLogger(__name__)
 
@@ -40,17 +43,7 @@ Draw = Callable[[ReadingResult, list[Record]], Job]
 
 
 class CaseCampaign:
-    """Campaign of one case: its truths, its rows, from the journal or from workers, and its figures.
-
-    Attributes
-    ----------
-    results : dict
-        Name of a reading -> its results, in the order of the case.
-    rows, keys : dict
-        Slot -> finished row, and the key of the row in the journal.
-    pending : Counter
-        Reading -> number of unfinished job sequences.
-    """
+    """Campaign of one case: its truths, its rows, from the journal or from workers, and its figures."""
 
     def __init__(
         self,
@@ -64,37 +57,39 @@ class CaseCampaign:
         self.case, self.options, self.pool, self.observer = case, options, pool, observer
         self.deliver, self.draw = deliver, draw
         self.readings = [reading for reading in case.readings if chosen_solvers(reading, options)]
-        self.statements: dict[str, jobs.Statement] = {}
+        self.truths: dict[str, Truth | Failure] = {}
         self.results: dict[str, ReadingResult] = {}
+        """By name of the reading, in the order of the case."""
         self.journal: Journal | None = None
         self.rows: dict[Slot, Record] = {}
         self.keys: dict[Slot, str] = {}
+        """Keys of the rows in the journal."""
         self.pending: Counter[str] = Counter()
+        """Reading -> number of unfinished job sequences."""
         self.delivered = False
 
     def fetch_truths(self) -> int:
         """Read the stored truth of every reading; queue those that are not stored, and return their number."""
+        from henon_ref.harness.truth.compute import stored_truth
+
         for reading in self.readings:
-            stored = jobs.stored_statement(self.case, reading)
+            stored = stored_truth(self.case, reading)
             if stored is None:
                 self.pool.add("truths", self._truth(reading))
             else:
-                self.statements[reading.name] = stored
-        return len(self.readings) - len(self.statements)
+                self.truths[reading.name] = stored
+        return len(self.readings) - len(self.truths)
 
     def _truth(self, reading: Reading) -> Jobs:
         """Compute the truth of a reading; if that fails, the runs are not scored and the report gives the reason."""
         self.observer.begun(self.case.name, f"{reading.name} {TRUTH}")
-        found: jobs.Statement | Failure = yield Job(jobs.fetch_truth, (self.case, reading), jobs.TRUTH_SECONDS)
-        if isinstance(found, Failure):
-            found = jobs.Statement(None, reason=found.reason)
-        self.statements[reading.name] = found
+        self.truths[reading.name] = yield Job(jobs.fetch_truth, (self.case, reading), jobs.TRUTH_SECONDS)
         self.observer.truth(f"{self.case.name} {reading.name}")
 
     def queue_runs(self) -> int:
         """Queue the runs that the journal does not hold, and the samples for figures; return the number of runs."""
         options = self.options
-        self.results = {own.name: ReadingResult(own, self.statements[own.name]) for own in self.readings}
+        self.results = {own.name: ReadingResult(own, self.truths[own.name]) for own in self.readings}
         if options.folder is not None:
             self.journal = Journal(options.folder / self.case.name, resume=options.resume)
         by_solver: dict[str, list[tuple[ReadingResult, Jobs]]] = {}
@@ -129,7 +124,7 @@ class CaseCampaign:
         ):
             slot = (reading.name, name, setting)
             self.keys[slot] = row_key(shared, name, version, setting, options)
-            kept = self.journal.get(self.keys[slot]) if self.journal else None
+            kept = self.journal.rows.get(self.keys[slot]) if self.journal else None
             skipped = kept is not None and (kept.run.status_reason or "").startswith(NOT_RUN)
             if kept is None or (skipped and self._is_demanded(reading, name)):
                 waiting.append(setting)
@@ -193,14 +188,15 @@ class CaseCampaign:
         landing, version, took = prepared
         outcome = replace(outcome, landing=landing, library_version=version, compile_s=took)
         most = jobs.MOST_SPARE + jobs.MOST_FOLD * (0 if expected is None else len(expected.transitions))
-        ran = yield Job(jobs.run_once, (most,), jobs.run_seconds(options.timeout), rests=True)
+        seconds = 1.25 * options.timeout + 1.0  # a little longer than the deadline that the solver should keep
+        ran = yield Job(jobs.run_once, (most,), seconds, rests=True)
         if isinstance(ran, Failure):
             return replace(outcome, failure=ran)
         trajectory, wall_s = ran
         outcome = scored(replace(outcome, trajectory=trajectory), expected)
         if outcome.score is None or outcome.score.verdict != RIGHT or not options.timed:
             return replace(outcome, samples=(wall_s,) if trajectory.status not in ("timeout", "failed") else ())
-        seconds = jobs.repeats_seconds(wall_s, options.repeats)
+        seconds = jobs.SPARE_SECONDS + 4.0 * (jobs.BUDGET + wall_s * (options.repeats or 3))
         samples = yield Job(jobs.time_repeats, (wall_s, options.repeats, cold), seconds, rests=True)
         if isinstance(samples, Failure):
             return replace(outcome, repeat_failure=samples)

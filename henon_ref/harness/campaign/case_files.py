@@ -6,7 +6,7 @@ A worker loads each third-party solver before this process does, because importi
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -23,17 +23,12 @@ LOADING_SECONDS = 60.0
 """Limit on the processor time to import a third-party solver [s]."""
 
 
-def read_cases(
-    paths: Sequence[Path],
-    *,
-    solvers: Collection[str] | None = None,
-    fixed_step: Callable[[str], bool] | None = None,
-) -> list[Case]:
-    """Read the case files; a folder means all case files in it, except those in a folder ``truth``.
+def load_cases(paths: Sequence[Path], *, check_solvers: bool = True) -> list[Case]:
+    """Read the case files, and check the solvers that they name; a folder means all of its files outside ``truth``.
 
-    For ``solvers`` and ``fixed_step`` see :func:`henon_ref.casefile.case.load_case`. CaseError if a file is not a case,
-    a folder contains no case, or two cases have the same name.
+    CaseError if a file is not a case, a folder contains no case, or two cases have the same name.
     """
+    known = registry.names() if check_solvers else None
     cases: dict[str, Case] = {}
     # Several paths may lead to the same file; it is read once, under its first path.
     files: dict[str, Path] = {}
@@ -41,16 +36,11 @@ def read_cases(
         for found in case_files(path):
             files.setdefault(os.path.realpath(found), found)
     for file in files.values():
-        case = load_case(file, solvers=solvers, fixed_step=fixed_step)
+        case = load_case(file, solvers=known, fixed_step=fixed_step if check_solvers else None)
         if case.name in cases:
             raise CaseError(f"the name '{case.name}' is also that of {cases[case.name].path}", file=str(file))
         cases[case.name] = case
     return list(cases.values())
-
-
-def load_cases(paths: Sequence[Path]) -> list[Case]:
-    """Read case files and folders of case files (:func:`read_cases`), and check the solvers that they name."""
-    return read_cases(paths, solvers=registry.names(), fixed_step=fixed_step)
 
 
 def fixed_step(name: str) -> bool:

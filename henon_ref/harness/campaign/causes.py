@@ -6,18 +6,242 @@ symptoms that identify a cause uniquely. A run without a matching pattern stays 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import re
+import sys
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import groupby, takewhile
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import symptoms
-from henon_ref.harness.campaign.symptoms import Rows, WrongRun
-from henon_ref.harness.rows import RunRow
+from henon_ref.harness.rows import RunRow, TransitionRow, number
 
-EXPLAINED = ("solver defect", "not judged")
-"""Verdicts that a cause may explain; a run that was too slow ("not judged") can have a known cause, too."""
-LATE = 1e8
-"""Time from which ten roundings of the time exceed 1e-7 s [s]."""
+Rows = Sequence[TransitionRow]
+OFF = 3.0
+"""Largest error of a time found by siconos [steps]; the cause siconos-step shows a smaller one."""
+
+
+class WrongRun:
+    """One wrong run and its transitions in order, without touches."""
+
+    def __init__(self, run: RunRow, transitions: Rows) -> None:
+        self.run = run
+        self.rows = [row for row in transitions if row.outcome != "touch"]
+        self.right = list(takewhile(lambda row: row.outcome == "matched", self.rows))
+        """Transitions before the first wrong one."""
+        self.matched, self.missed, self.spurious = (
+            [row for row in self.rows if row.outcome == what] for what in ("matched", "missed", "spurious")
+        )
+        self.end, self.step, self.steps = number(run.end_time_s), number(run.step_s), number(run.steps)
+        self.solver = registry.base_name(run.solver).partition("+")[0]
+        """Name without restart and variant."""
+
+    def found(self, pattern: str) -> re.Match[str] | None:
+        """Search the reason of the run for a regular expression."""
+        return re.search(pattern, self.run.status_reason or "")
+
+    def misses_at(self, time: float) -> bool:
+        """Check whether the first missed transition is at a time [s], within the error of an unlocated end.
+
+        The error of an end that is not located as an event is below 1000 rtol; BDF reaches 200 at rtol 1e-12.
+        """
+        within = 1000.0 * number(self.run.rtol)
+        return any(abs(_exact(row) - time) <= within for row in self.missed[:1])
+
+    @property
+    def missed_pairs(self) -> list[Rows]:
+        """Groups of consecutive missed transitions after which the mode is the same as before the group.
+
+        Each surface is crossed an even number of times within a group. Empty if the run is wrong in another way, too,
+        because its path between the transitions is then unknown.
+        """
+        groups = [list(own) for what, own in groupby(self.rows, lambda row: row.outcome) if what == "missed"]
+        whole = all(
+            group[0].from_mode == group[-1].to_mode
+            and all(count % 2 == 0 for count in Counter(row.surface for row in group).values())
+            for group in groups
+        )
+        return [*groups] if whole and self.run.status == "wrong" and self.run.spurious == 0 else []
+
+    @property
+    def first_missed(self) -> Rows:
+        """First missed transitions, up to the return to the mode before them; later errors follow from these.
+
+        Empty if the mode does not return before the next transition of the run. Also empty if the group begins within
+        a mean step after a transition of the same surface, because the restart there may have lost it.
+        """
+        group = list(takewhile(lambda row: row.outcome == "missed", self.rows[len(self.right) :]))
+        until = next((k for k, row in enumerate(group, 1) if row.to_mode == group[0].from_mode), 0)
+        if not until or self.run.status != "wrong" or not self.found(" missed, "):
+            return []
+        left = [_exact(row) for row in self.right if row.surface == group[0].surface]
+        return group[:until] if not left or _exact(group[0]) - left[-1] > self.end / self.steps else []
+
+    @property
+    def stopped_between(self) -> Rows:
+        """First two missed transitions of a surface, if the run failed between them and they lie within a mean step.
+
+        An event of another surface then stopped the library between the two roots, where the guard is negative.
+        """
+        own = [row for row in self.missed if row.surface == self.missed[0].surface][:2]
+        if self.run.status != "failed" or not self.found("was stepped over") or self.run.spurious or len(own) < 2:
+            return []
+        first, last = map(_exact, own)
+        return own if first <= self.end <= last and last - first < self.end / max(self.steps, 1.0) else []
+
+
+def _exact(row: TransitionRow) -> float:
+    return number(row.reference_time_s)
+
+
+def within_one_step(wrong: WrongRun) -> bool:
+    """The first missed roots lie within one step, or around another surface's event: compared signs are equal."""
+    return bool(wrong.missed_pairs or wrong.first_missed or wrong.stopped_between)
+
+
+def double_root(wrong: WrongRun) -> bool:
+    """heyoka isolates all roots of a polynomial, so the missed roots coincide in its rounding."""
+    rows = wrong.stopped_between or [row for group in wrong.missed_pairs for row in group]
+    depths = [row.graze_distance for row in rows if row.graze_distance is not None]
+    return max(depths, default=math.inf) <= 1e-15
+
+
+def before_a_pole(wrong: WrongRun) -> bool:
+    """The run stops before an event or the end of the model, after which a function has no value."""
+    return (wrong.run.expected_status == "invalid" and wrong.run.missed == 0) or wrong.misses_at(wrong.end)
+
+
+def slow(wrong: WrongRun) -> bool:
+    return number(wrong.run.rtol) <= 1e-9 and wrong.steps > 1000
+
+
+def past_the_end(wrong: WrongRun) -> bool:
+    """The exact run ends because a function has no value any more, but the run continues."""
+    late = wrong.found(r"failed at t = (\S+), not at (\S+)$")
+    return wrong.found("went on past") is not None or (late is not None and float(late[1]) > float(late[2]))
+
+
+def within_the_band(wrong: WrongRun) -> bool:
+    """The transitions around the first wrong one of a surface differ by less than the width of the band.
+
+    The state within the band is uncertain by its width. True as well if an earlier transition other than a release is
+    off by more than the errors of all steps explain; releases are late for another reason.
+    """
+    # The half-width of the band from which the solver reads its transitions (baselines/scipy_naive).
+    band = {"scipy-smoothed": 2000.0, "scipy-sign": 400.0}[wrong.solver] * number(wrong.run.atol)
+    for surface in {row.surface for row in wrong.rows}:
+        own = [row for row in wrong.rows if row.surface == surface]
+        first = next((k for k, row in enumerate(own) if row.outcome in ("missed", "spurious")), len(own))
+        nearby = own[max(first - 1, 0) : first + 3] if first < len(own) else []
+        if any(number(row.graze_distance) <= band * _reach(row) for row in nearby):
+            return True
+    return any(is_off(wrong, row) for row in wrong.right if row.kind != "release")
+
+
+def _reach(row: TransitionRow) -> float:
+    """Change of the deciding function per unit error of the state; at least 1 if this is a surface function."""
+    moved = (row.conditioning or 0.0) * (row.transversality or 0.0)
+    return moved if row.kind == "release" else max(moved, 1.0)
+
+
+def is_off(wrong: WrongRun, row: TransitionRow) -> bool:
+    """Check whether the error of a time exceeds the sum of the errors of all steps.
+
+    Step-size control allows an error of ``atol`` in each accepted step, so that all steps together move a transition by
+    at most ``steps * atol * conditioning``. In addition, each step rounds the time.
+    """
+    step = number(wrong.run.atol) * number(row.conditioning) + sys.float_info.epsilon * abs(_exact(row))
+    return abs(number(row.time_error_s)) > wrong.steps * step
+
+
+def released_late(wrong: WrongRun) -> bool:
+    """Each surface has all its transitions, and late releases alone change their order among the surfaces."""
+    delays: dict[bool, list[float]] = {True: [], False: []}
+    for surface in {row.surface for row in (*wrong.missed, *wrong.spurious)}:
+        exact, found = ([row for row in rows if row.surface == surface] for rows in (wrong.missed, wrong.spurious))
+        if [row.kind for row in exact] != [row.kind for row in found]:
+            return False
+        for there, here in zip(exact, found, strict=True):
+            delays[there.kind == "release"].append(number(here.time_s) - _exact(there))
+    latest = max(delays[True], default=0.0)
+    return min(delays[True], default=0.0) > 0.0 and all(abs(delay) < latest for delay in delays[False])
+
+
+def within_steps(wrong: WrongRun) -> bool:
+    """The first wrong transition follows the last right one within one step."""
+    last, first = wrong.right[-1:], wrong.rows[len(wrong.right) :][:1]
+    return any(number(b.time_s) - number(a.time_s) <= wrong.step for a, b in zip(last, first, strict=False))
+
+
+def small_step(wrong: WrongRun) -> bool:
+    """The exact run has an end of its own, or diffsol's message names the time of the first missed transition."""
+    whole = wrong.run.missed == 0 and wrong.run.expected_status in ("diverged", "failed", "invalid")
+    at_time = wrong.found(r"at time = ([-+.e\d]+)")
+    return whole or (at_time is not None and wrong.misses_at(float(at_time[1])))
+
+
+def at_one_node(wrong: WrongRun) -> bool:
+    """The first two spurious transitions are of two surfaces at one instant, where the exact run has one of them."""
+    extra = wrong.spurious[:2]
+    both = len({row.surface for row in extra}) == 2 and len({row.time_s for row in extra}) == 1
+    return both and wrong.misses_at(number(extra[0].time_s))
+
+
+def lone_stick(wrong: WrongRun) -> bool:
+    """The run has no transition because two roots lie within one step, but the exact run sticks at the first root."""
+    return wrong.run.found_transitions == 0 and any(row.kind == "stick" for row in wrong.missed)
+
+
+def there_and_back(wrong: WrongRun) -> bool:
+    """The spurious transitions form pairs that leave a mode and return, on the surface as CVODE computes it."""
+    pairs = list(zip(wrong.spurious[::2], wrong.spurious[1::2], strict=False))
+    back = all(there.from_mode == back.to_mode and there.to_mode == back.from_mode for there, back in pairs)
+    on_it = number(wrong.run.max_surface_drift) < number(wrong.run.atol)
+    return 0 < len(wrong.spurious) == 2 * len(pairs) and back and on_it
+
+
+def in_the_first_step(wrong: WrongRun) -> bool:
+    """The first missed transition lies within the first step after its predecessor, or after time zero.
+
+    The first step of octave-ode45 in each mode is 1e-9 of the length of the run, which extends to the horizon.
+    """
+    times = [0.0, *map(_exact, wrong.rows)]
+    first = next((k for k, row in enumerate(wrong.rows) if row.outcome == "missed"), None)
+    return first is not None and 0.0 < times[first + 1] - times[first] <= 1e-9 * wrong.end
+
+
+def time_stepping(wrong: WrongRun) -> bool:
+    """Transitions within one step are missed, and transitions some steps after the horizon are found before it."""
+    run, times = wrong.run, list(map(_exact, wrong.missed))
+    alone = run.status == "wrong" and run.expected_status == "ok"
+    within = run.spurious == 0 and len(times) > 1 and max(times) - min(times) <= wrong.step
+    last = wrong.end - OFF * wrong.step
+    behind = run.missed == 0 and bool(wrong.spurious) and all(number(row.time_s) >= last for row in wrong.spurious)
+    early = run.status == "failed" and run.expected_status == "invalid" and run.missed == run.spurious == 0
+    valueless = early and wrong.found("^(ZeroDivisionError|ValueError: math domain error)") is not None
+    slow = run.status == "timeout" and run.spurious == 0
+    return bool(wrong.missed_pairs) or slow or (alone and (within or behind)) or valueless
+
+
+def over_a_blow_up(wrong: WrongRun) -> bool:
+    """Only transitions shortly before the blow-up, or after it, are wrong.
+
+    An implicit step may have no solution within four steps before a blow-up of order one, or ten with the error of a
+    method of order 1.
+    """
+    past = wrong.found(r"went on past t = ([-+.e\d]+),")
+    if past is None or number(wrong.run.missed) > 0:
+        return False
+    return all(number(row.time_s) >= float(past[1]) - 10.0 * wrong.step for row in wrong.spurious)
+
+
+def runs_away(wrong: WrongRun) -> bool:
+    """The time of the first transition is right within some steps, and the last is off by more."""
+    errors = [abs(number(row.time_error_s)) for row in wrong.matched]
+    return len(errors) > 1 and errors[0] <= OFF * wrong.step < errors[-1]
+
+
 SCIPY = ("scipy-rk45", "scipy-dop853", "scipy-radau", "scipy-bdf", "scipy-lsoda")
 DIFFRAX, DIFFSOL = ("diffrax-dopri8", "diffrax-kvaerno5"), ("diffsol-tsit45", "diffsol-bdf")
 CVODE, CVODE_C = ("cvode-adams", "cvode-bdf"), ("cvode-c-adams", "cvode-c-bdf")
@@ -66,29 +290,30 @@ PATTERNS = (
     Pattern("scipy-fires-at-start", SCIPY, AT_START, restart="none"),
     Pattern("diffrax-start", DIFFRAX, AT_START, restart="none"),
     Pattern("heyoka-start", HEYOKA, "stepped over", restart="direction"),
-    *(Pattern(f"{solvers[0].rpartition('-')[0] or solvers[0]}-pair", solvers, when=symptoms.within_one_step)
+    *(Pattern(f"{solvers[0].rpartition('-')[0] or solvers[0]}-pair", solvers, when=within_one_step)
       for solvers in (SCIPY, CVODE, ("ida",), CVODE_C, OCTAVE, DIFFRAX, DIFFSOL)),
-    Pattern("heyoka-double-root", HEYOKA, when=symptoms.double_root),
+    Pattern("heyoka-double-root", HEYOKA, when=double_root),
     Pattern("heyoka-hidden-drive", HEYOKA, when=lambda wrong: {g[0].kind for g in wrong.missed_pairs} == {"release"}),
     Pattern("heyoka-event-polynomial", HEYOKA, "stepped over", missed=1, when=lambda wrong: wrong.run.matched == 0),
     Pattern("scipy-bracket", SCIPY, "must have different signs"),
     Pattern("scipy-flat-root", (*SCIPY, "scipy-smoothed", "scipy-sign"), "Failed to converge after"),
     Pattern("scipy-blow-up", SCIPY, TOO_SMALL, ends="diverged", right=True),
-    Pattern("scipy-late", SCIPY, TOO_SMALL, right=True, when=lambda wrong: abs(wrong.end) >= LATE),
-    Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=symptoms.before_a_pole),
-    Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=symptoms.before_a_pole),
-    Pattern("scipy-radau-order", ("scipy-radau",), status="timeout", right=True, when=symptoms.slow),
-    Pattern("scipy-bdf-order", ("scipy-bdf",), status="timeout", right=True, when=symptoms.slow),
+    # From 1e8 s on, ten roundings of the time exceed 1e-7 s.
+    Pattern("scipy-late", SCIPY, TOO_SMALL, right=True, when=lambda wrong: abs(wrong.end) >= 1e8),
+    Pattern("scipy-pole", SCIPY, TOO_SMALL, right=True, when=before_a_pole),
+    Pattern("diffrax-pole", DIFFRAX, "does not advance", right=True, when=before_a_pole),
+    Pattern("scipy-radau-order", ("scipy-radau",), status="timeout", right=True, when=slow),
+    Pattern("scipy-bdf-order", ("scipy-bdf",), status="timeout", right=True, when=slow),
     Pattern("scipy-lsoda-nan", ("scipy-lsoda", "scipy-smoothed"), NOT_FINITE, right=True),
-    Pattern("heyoka-past-end", HEYOKA, ends="failed", missed=0, right=True, when=symptoms.past_the_end),
+    Pattern("heyoka-past-end", HEYOKA, ends="failed", missed=0, right=True, when=past_the_end),
     Pattern("sign-chatter", ("scipy-sign",), "the budget of", status="failed"),
     Pattern("smoothed-convergence", ("scipy-smoothed",), "lsoda: Repeated convergence failures", right=True),
-    Pattern("smoothed-late", ("scipy-smoothed",), status="wrong", when=symptoms.released_late),
-    Pattern("smoothed-creep", ("scipy-smoothed",), status="wrong", when=symptoms.within_the_band),
-    Pattern("sign-hops", ("scipy-sign",), status="wrong", when=symptoms.within_the_band),
+    Pattern("smoothed-late", ("scipy-smoothed",), status="wrong", when=released_late),
+    Pattern("smoothed-creep", ("scipy-smoothed",), status="wrong", when=within_the_band),
+    Pattern("sign-hops", ("scipy-sign",), status="wrong", when=within_the_band),
     Pattern("rk4-landing", ("henon-rk4",), "events within one step", status="failed", ends="failed", missed=0,
-            when=symptoms.within_steps),
-    Pattern("diffsol-small-step", DIFFSOL, "Step size is too small at time = ", right=True, when=symptoms.small_step),
+            when=within_steps),
+    Pattern("diffsol-small-step", DIFFSOL, "Step size is too small at time = ", right=True, when=small_step),
     Pattern("diffsol-late", DIFFSOL, "Stop time is at the current state time", right=True),
     Pattern("diffsol-stop-nan", DIFFSOL, "went on past", ends="failed", missed=0, right=True),
     Pattern("diffsol-nan", ("diffsol-tsit45",), NOT_FINITE, right=True),
@@ -96,31 +321,30 @@ PATTERNS = (
     Pattern("nosnoc-cost", NOSNOC, status="timeout", right=True),
     Pattern("nosnoc-cost", NOSNOC, status="timeout", when=lambda wrong: wrong.run.found_transitions is None),
     Pattern("nosnoc-grid", NOSNOC, when=lambda wrong: bool(wrong.missed_pairs or wrong.first_missed)),
-    Pattern("nosnoc-node", NOSNOC, status="wrong", when=symptoms.at_one_node),
+    Pattern("nosnoc-node", NOSNOC, status="wrong", when=at_one_node),
     Pattern("cvode-c-late-end", CVODE_C, "; failed at t = ", ends="failed", missed=0, right=True),
     Pattern("cvode-c-late-end", CVODE_C, "CV_TOO_MUCH_WORK", ends="invalid", missed=0, right=True),
-    Pattern("cvode-c-pair", CVODE_C, "went on past", status="wrong", missed=1, when=symptoms.lone_stick),
-    Pattern("cvode-c-error", CVODE_C, status="wrong", missed=0, when=symptoms.there_and_back),
+    Pattern("cvode-c-pair", CVODE_C, "went on past", status="wrong", missed=1, when=lone_stick),
+    Pattern("cvode-c-error", CVODE_C, status="wrong", missed=0, when=there_and_back),
     Pattern("octave-blow-up", OCTAVE, "ode45 ended at", ends="diverged", right=True),
-    Pattern("octave-blow-up", OCTAVE, "ode45 ended at", right=True,
-            when=lambda wrong: wrong.misses_at(wrong.end)),
+    Pattern("octave-blow-up", OCTAVE, "ode45 ended at", right=True, when=lambda wrong: wrong.misses_at(wrong.end)),
     Pattern("octave-nan", OCTAVE, "went on past", ends="failed", right=True),
     Pattern("octave-nan-state", OCTAVE, NOT_FINITE, right=True),
-    Pattern("octave-first-step", OCTAVE, status="wrong", right=True, when=symptoms.in_the_first_step),
+    Pattern("octave-first-step", OCTAVE, status="wrong", right=True, when=in_the_first_step),
     Pattern("octave-line", OCTAVE, status="wrong",
-            when=lambda wrong: any(symptoms.is_off(wrong, row) for row in wrong.matched)),
+            when=lambda wrong: any(is_off(wrong, row) for row in wrong.matched)),
     Pattern("siconos-rounding", SICONOS, f"{LOST_SIGN}.*which the rounding of a step moves as far"),
     Pattern("siconos-steep", SICONOS, LOST_SIGN),
-    Pattern("siconos-step", SICONOS, when=symptoms.time_stepping),
-    Pattern("siconos-no-solution", SICONOS, ends="diverged", when=symptoms.over_a_blow_up),
-    Pattern("siconos-damping", SICONOS, status="wrong", ends="ok", missed=0, when=symptoms.runs_away),
+    Pattern("siconos-step", SICONOS, when=time_stepping),
+    Pattern("siconos-no-solution", SICONOS, ends="diverged", when=over_a_blow_up),
+    Pattern("siconos-damping", SICONOS, status="wrong", ends="ok", missed=0, when=runs_away),
 )  # fmt: skip
 """Patterns in order of precedence: the first that fits gives the cause."""
 
 
 def cause_of(run: RunRow, transitions: Rows) -> str | None:
     """Return the name of the cause of a run that is wrong or too slow; None if no cause is certain."""
-    if run.verdict not in EXPLAINED:
+    if run.verdict not in ("solver defect", "not judged"):  # a run that was too slow is not judged
         return None
     wrong = WrongRun(run, transitions)
     return next((pattern.cause for pattern in PATTERNS if pattern.fits(wrong)), None)

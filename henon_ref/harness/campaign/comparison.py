@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
-from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.result_files import AnyRow
@@ -21,10 +20,13 @@ from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.table import Table
 from henon_ref.text import html, message
 from henon_ref.trajectory import Samples
+from henon_ref.workers.worker import Failure
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from henon_ref.harness.truth import Truth
 
 
 @dataclass(eq=False)
@@ -32,7 +34,8 @@ class ReadingResult:
     """Results of one reading other than the rows of its runs."""
 
     reading: Reading
-    statement: Statement
+    truth: Truth | Failure
+    """Failure if no truth is available."""
     samples: Samples | None = None
     """Motion on a grid of times; None if no figures are requested or no solver could sample."""
     sampled_by: str = ""
@@ -43,10 +46,27 @@ class ReadingResult:
     figures_reason: str = ""
     """Reason why figures are missing."""
 
-    @property
+    @cached_property
     def expected(self) -> Expected | None:
         """Exact run against which the runs are scored; None if no truth is available."""
-        return self.statement.expected
+        return None if isinstance(self.truth, Failure) else expected_of(self.reading, self.truth)
+
+
+def expected_of(reading: Reading, truth: Truth) -> Expected:
+    """Convert a truth to the form that scoring uses."""
+    problem = reading.problem
+    # If the case does not state that the exact run fails, it was the computation of the truth that failed.
+    partial = truth.status == "failed" and (reading.expect is None or reading.expect.status != "failed")
+    return Expected(
+        status="ok" if partial else truth.status,
+        transitions=truth.transitions,
+        start=float(problem.start),
+        until=float(problem.until),
+        end_time=truth.end_time,
+        near_grazes=truth.near_grazes,
+        start_size=max((abs(float(value)) for value in problem.initial), default=0.0),
+        partial=partial,
+    )
 
 
 @dataclass(repr=False)

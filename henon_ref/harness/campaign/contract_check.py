@@ -25,8 +25,6 @@ from henon_ref.trajectory import Counts, Kind, Status, Trajectory, Transition
 
 ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")
 """Statuses that a run may return."""
-ROUNDINGS = 64
-"""Allowed error of a time, and bound on ``time_low``, in roundings of the largest time of the problem."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
 Word = TypeVar("Word", bound=str)
 
@@ -119,7 +117,7 @@ def check_wall_time(what: str, value: object) -> float:
 def _check_times(run: Trajectory, problem: Problem) -> None:
     """Refuse times outside the interval of the problem, times out of order, and ``time_low`` above a rounding error."""
     start, until = float(problem.start), float(problem.until)
-    rounding = ROUNDINGS * sys.float_info.epsilon * max(abs(start), abs(until))
+    rounding = 64 * sys.float_info.epsilon * max(abs(start), abs(until))  # 64 roundings of the largest time
     slack = max(rounding, 1e-9 * (until - start))  # a solver may add up its steps
     between = f"a time from {start:.17g} to {until:.17g}"
     latest = start

@@ -7,7 +7,6 @@ whether to time it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -24,7 +23,6 @@ from henon_ref.harness.campaign.contract_check import (
 )
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import repeat
-from henon_ref.harness.score.reference import Expected
 from henon_ref.jit.processor_time import run_time
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run, SelfTimedRun, Solver
@@ -49,76 +47,18 @@ MOST_FOLD, MOST_SPARE = 10, 100_000
 time of scoring, which takes place in the caller's process."""
 MOST_SHOWN = 40
 """Largest number of transitions in a figure of the motion; more would overlap."""
-KEPT, FIRST = "run", "first"
-"""Keys in the state of a worker: the prepared run and its problem; the first result and the limit on transitions."""
 
 
-@dataclass(frozen=True)
-class Statement:
-    """Truth of one reading, and its description for the report."""
-
-    expected: Expected | None
-    """None if no truth is available."""
-    methods: tuple[tuple[str, tuple[int, ...], float], ...] = ()
-    """(method, bits, time taken [s]) of every method; the first one gives the digits."""
-    certified: bool = False
-    """Whether every transition has a proven radius, and it is proven that no other transition exists."""
-    proven: int = 0
-    """Number of transitions with a proven radius."""
-    closed_forms: int = 0
-    """Number of transitions whose time is a closed form in the case."""
-    near_grazes: int = 0
-    """Number of near-grazes of a surface."""
-    reason: str = ""
-    """Reason why no truth is available, or why the exact run ends before the horizon."""
-    uncertified_because: str = ""
+def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Truth:
+    """Job: :func:`truth_of`."""
+    return truth_of(case, reading)
 
 
-def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Statement:
-    """Job: :func:`statement_of`."""
-    return statement_of(case, reading)
-
-
-def statement_of(case: Case, reading: Reading) -> Statement:
+def truth_of(case: Case, reading: Reading) -> Truth:
     """Return the truth of a reading; compute it if it is not stored."""
     from henon_ref.harness.truth import truth_for
 
-    return _statement(reading, truth_for(case, reading))
-
-
-def stored_statement(case: Case, reading: Reading) -> Statement | None:
-    """Return the stored truth of a reading; None if it is not stored."""
-    from henon_ref.harness.truth.compute import stored_truth
-
-    stored = stored_truth(case, reading)
-    return None if stored is None else _statement(reading, stored)
-
-
-def _statement(reading: Reading, truth: Truth) -> Statement:
-    """Convert a truth to the form that scoring uses."""
-    problem = reading.problem
-    # If the case does not state that the exact run fails, it was the computation of the truth that failed.
-    partial = truth.status == "failed" and (reading.expect is None or reading.expect.status != "failed")
-    expected = Expected(
-        status="ok" if partial else truth.status,
-        transitions=truth.transitions,
-        start=float(problem.start),
-        until=float(problem.until),
-        end_time=truth.end_time,
-        near_grazes=truth.near_grazes,
-        start_size=max((abs(float(value)) for value in problem.initial), default=0.0),
-        partial=partial,
-    )
-    return Statement(
-        expected,
-        methods=truth.methods,
-        certified=truth.certified,
-        proven=truth.proven,
-        closed_forms=sum(event.closed_form for event in truth.transitions),
-        near_grazes=len(truth.near_grazes),
-        reason=truth.reason,
-        uncertified_because=truth.uncertified_because,
-    )
+    return truth_for(case, reading)
 
 
 def prepare(
@@ -135,7 +75,7 @@ def prepare(
     run = _prepared(own, problem, setting, timeout)
     took = perf_counter() - begin
     landing, version = check_prepared(run, landing=own.landing, version=version)
-    state.kept[KEPT] = run, problem
+    state.kept["run"] = run, problem
     return landing, version, took
 
 
@@ -153,7 +93,7 @@ def run_once(state: WorkerState, most: int) -> tuple[Trajectory, float]:
 
     ``most`` is the largest number of transitions that the run may return.
     """
-    run, problem = state.kept[KEPT]
+    run, problem = state.kept["run"]
     with state.off_the_clock():
         begin = run_time()
         returned = run()
@@ -161,13 +101,8 @@ def run_once(state: WorkerState, most: int) -> tuple[Trajectory, float]:
     if isinstance(run, SelfTimedRun) and run.wall_s == run.wall_s:  # not NaN
         took = check_wall_time("wall_s", run.wall_s)
     trajectory = check_trajectory(returned, problem, most=most)
-    state.kept[FIRST] = trajectory, most
+    state.kept["first"] = trajectory, most
     return trajectory, took
-
-
-def run_seconds(timeout: float) -> float:
-    """Return the time limit of :func:`run_once` [s], a little longer than the deadline that the solver should keep."""
-    return 1.25 * timeout + 1.0
 
 
 def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bool) -> tuple[float, ...]:
@@ -176,18 +111,13 @@ def time_repeats(state: WorkerState, first: float, repeats: int | None, cold: bo
     See :func:`~henon_ref.harness.campaign.timing.repeat`; the run is cold if it was the solver's first on this
     reading, so that its time ``first`` includes loading of modules.
     """
-    (run, problem), (trajectory, most) = state.kept[KEPT], state.kept[FIRST]
+    (run, problem), (trajectory, most) = state.kept["run"], state.kept["first"]
     last: list[object] = []
     with state.off_the_clock():
         samples = repeat(run, first=first, repeats=repeats, budget=BUDGET, cold=cold, result=last)
     for returned in last:
         check_repeated(returned, problem, trajectory, most=most)
     return samples
-
-
-def repeats_seconds(first: float, repeats: int | None) -> float:
-    """Return the time limit of :func:`time_repeats` [s]."""
-    return SPARE_SECONDS + 4.0 * (BUDGET + first * (repeats or 3))
 
 
 def sample(

@@ -41,42 +41,26 @@ BASELINES = "baselines"
 PACKAGES = ("henon_ref", f"henon_ref.{BASELINES}")
 LANGUAGES = (".py", ".c", ".h", ".m")
 """Suffixes of source files."""
-_CHECKSUM = re.compile(rb',"checksum":"([0-9a-f]{64})"\}\n\Z')
-_PARTS = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples": list}
-"""Names and types of the parts of a line."""
 
 
 class Journal:
-    """Journal of the finished rows of one case.
+    """Journal of the finished rows of one case, in its report folder, which is named after the case.
 
-    Parameters
-    ----------
-    folder : Path
-        Report folder of the case, named after the case; created with the first row.
-    resume : bool
-        Whether to use the rows of an existing journal; if False, the first new row replaces them.
+    With ``resume``, the rows of an existing journal are used; otherwise the first new row replaces them.
     """
 
     def __init__(self, folder: Path, *, resume: bool) -> None:
         self.path = folder / FILE
-        self._rows: dict[str, Record] = {}
+        self.rows: dict[str, Record] = {}
+        """By key, those of earlier runs."""
         self._started = resume
         if resume:
-            self._rows, intact, damaged = _kept(self.path)
+            self.rows, intact, damaged = _kept(self.path)
             if damaged:
                 _set_aside(self.path, intact, damaged)
 
-    def get(self, key: str) -> Record | None:
-        return self._rows.get(key)
-
     def add(self, key: str, record: Record) -> None:
-        """Write a finished row to the disk.
-
-        Raises
-        ------
-        OSError
-            If it cannot be written; earlier rows are not affected.
-        """
+        """Write a finished row to the disk; if that raises an OSError, earlier rows are not affected."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with self.path.open("ab" if self._started else "wb") as file:
             file.write(line_of(key, record))
@@ -119,14 +103,15 @@ def _kept(path: Path) -> tuple[dict[str, Record], list[bytes], Damaged]:
 
 def _row(line: bytes, *, case: str) -> tuple[str, Record]:
     """Parse a line into key and row; ValueError if :func:`line_of` would not write it for a row of this case."""
-    found = _CHECKSUM.search(line)
+    found = re.search(rb',"checksum":"([0-9a-f]{64})"\}\n\Z', line)
     if found is None:
         raise ValueError("it is truncated, or not written by this version")
     body = line[: found.start()] + b"}"
     if hashlib.sha256(body).hexdigest().encode() != found[1]:
         raise ValueError("its checksum is wrong")
     content = json.loads(body)
-    if not isinstance(content, dict) or {name: type(part) for name, part in content.items()} != _PARTS:
+    parts = {"key": str, "run": dict, "transitions": list, "sticks": list, "samples": list}
+    if not isinstance(content, dict) or {name: type(part) for name, part in content.items()} != parts:
         raise ValueError("it was not written by this version")
     try:
         run = RunRow(**content["run"])

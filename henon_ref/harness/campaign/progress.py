@@ -25,16 +25,10 @@ TRUTH = "truth"
 class ProgressLine(AbstractContextManager["ProgressLine"]):
     """Status line with the number of finished rows and the current runs.
 
-    It starts no thread, so that workers can be forked.
-
-    Parameters
-    ----------
-    stream : TextIO or None
-        None: nothing is shown.
-    name : str, optional
-        Name of the case, if a comparison is called from Python. The final line then remains, and a stream that cannot
-        overwrite a line receives a new line every few seconds. Without a name (in a command) the line is erased at the
-        end, and a stream that cannot overwrite a line receives one line per finished row.
+    It starts no thread, so that workers can be forked. Without a ``stream``, nothing is shown. ``name`` is that of the
+    case, if a comparison is called from Python: the final line then remains, and a stream that cannot overwrite a line
+    receives a new line every few seconds. Without a name (in a command) the line is erased at the end, and a stream
+    that cannot overwrite a line receives one line per finished row.
     """
 
     def __init__(self, stream: TextIO | None, name: str | None = None) -> None:

@@ -19,8 +19,6 @@ from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Event, Stick, Trajectory, sticks
 from henon_ref.workers.worker import Failure
 
-FAILURES = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
-"""Status of a run without an answer -> verdict; any other status, and an ignored deadline, is a solver defect."""
 Values = dict[str, Any]
 """Some fields of a row."""
 NO_TRUTH, UNSAID = "there is no truth to judge it by", "the solver gives no reason"
@@ -107,8 +105,9 @@ def _run_row(outcome: Outcome, expected: Expected | None, stick_rows: list[Stick
         row |= {"stick_count": sum(stick.duration_s is not None for stick in stick_rows)}
         row |= {"max_stick_error_s": max(errors, default=None)}
     if (failure := outcome.failure) is not None:
-        verdict = None if failure.ignored else FAILURES.get(failure.status)
-        row |= {"status": failure.status, "status_reason": failure.reason, "verdict": verdict or "solver defect"}
+        verdicts = {"unsupported": "not run", "unavailable": "not run", "timeout": "not judged"}
+        verdict = "solver defect" if failure.ignored else verdicts.get(failure.status, "solver defect")
+        row |= {"status": failure.status, "status_reason": failure.reason, "verdict": verdict}
     reason = row.get("status_reason")
     if not reason and row.get("verdict") in (None, *UNJUDGED):
         reason = row.get("verdict_basis") or (UNSAID if expected else NO_TRUTH)

@@ -62,12 +62,10 @@ def repeat(
     cold: bool = False,
     result: list[object] | None = None,
 ) -> tuple[float, ...]:
-    """Time a run repeatedly.
+    """Time a prepared run repeatedly; return the samples [s], in the order taken.
 
     Parameters
     ----------
-    run : callable
-        A prepared run, already called once.
     first : float
         Wall time of the first call [s], the warm-up; it is a sample only if no other is taken.
     repeats : int, optional
@@ -78,11 +76,6 @@ def repeat(
         Whether the first call may have loaded or compiled code; if so, take at least one sample.
     result : list, optional
         Receives what the last call returned; unchanged if there is none, or if the run has its own clock.
-
-    Returns
-    -------
-    tuple of float
-        Samples [s], in the order taken.
     """
     if isinstance(run, SelfTimedRun):
         count = (_affordable(first, budget) or int(cold)) if repeats is None else repeats
@@ -106,14 +99,7 @@ def median_interval(samples: Sequence[float], *, seed: int = 0) -> tuple[float, 
     """Compute the 95 % percentile bootstrap interval of the median (Efron 1979); equal samples give equal intervals.
 
     ``scipy.stats.bootstrap`` returns the same numbers, but takes 1.8 ms instead of 0.25 ms for three samples, and its
-    import takes 0.5 s in every process.
-
-    Parameters
-    ----------
-    samples : sequence of float
-        At least one [s].
-    seed : int
-        Seed of the resampling.
+    import takes 0.5 s in every process. ``seed`` is that of the resampling.
     """
     values = np.asarray(samples, dtype=float)
     draws = np.random.default_rng(seed).integers(0, values.size, size=(1000, values.size))
@@ -172,14 +158,8 @@ class Turns(Generic[Key]):
 def interleaved(runs: Mapping[Key, Callable[[], object]], *, rounds: int, turn: float = 0.0) -> Turns[Key]:
     """Time every run once per round, after a warm-up round, so that changes of machine speed affect all runs alike.
 
-    Parameters
-    ----------
-    runs : mapping of callables
-    rounds : int
-        Number of rounds; at least three are done.
-    turn : float
-        Time for which a run is repeated in its turn [s]. Otherwise a run that is much shorter than the others would
-        always start with processor caches filled by them.
+    At least three rounds are done. ``turn`` is the time for which a run is repeated in its turn [s]. Otherwise a run
+    that is much shorter than the others would always start with processor caches filled by them.
     """
     samples: dict[Key, list[float]] = {key: [] for key in runs}
     for number in range(max(rounds, 3) + 1):

@@ -14,6 +14,7 @@ from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, exit_status, parsed, writing_into
 from henon_ref.commands.typer_app import FLAG, Cases, application, examples, path_of
 from henon_ref.text import listed
+from henon_ref.workers import ONE_THREAD
 
 KEPT = "finished rows are kept; --resume continues from them"
 RUNS, SHOWN, DEMANDS = "Runs", "Output", "Exit status"
@@ -126,9 +127,6 @@ def main(
     ] = None,
 ) -> int:
     """Run every solver on every case, score the runs against the truth, and write reports."""
-    judged = [name for name, given in (("--json", json), ("--gate", gate), ("--require", require)) if given]
-    if check and judged:
-        raise typer.BadParameter(f"it runs no solver and has no result for {listed(judged)}", param_hint="--check")
     options = {
         "solvers": names(solvers, "--solvers"),
         "tolerances": None if tolerances is None else tuple(map(_tolerance, names(tolerances, "--tolerances") or ())),
@@ -147,6 +145,10 @@ def _run(
     cases: Sequence[Path], options: Mapping[str, Any], shown: Mapping[str, bool], *, check: bool, served: bool
 ) -> int:
     """Explain or compare cases; with ``served``, workers are forked from a server."""
+    judged = {"--json": shown["as_json"], "--gate": shown["gated"], "--require": options["required"]}
+    if check and any(judged.values()):
+        without = listed([name for name, given in judged.items() if given])
+        raise typer.BadParameter(f"it runs no solver and has no result for {without}", param_hint="--check")
     try:
         # Shown before the slow imports.
         status_line.show(f"reading {listed([str(path) for path in cases], 4)}")
@@ -190,8 +192,8 @@ def command(arguments: Sequence[str] | None = None, *, served: bool = False) -> 
 def program(arguments: Sequence[str] | None = None) -> int:
     """Run the command as a separate process and return its exit status."""
     # A run has one thread, and threads of BLAS would disturb the timings. NumPy, which is imported later, reads these.
-    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")
+    for name, value in ONE_THREAD.items():
+        os.environ.setdefault(name, value)
     status = command(arguments, served=True)
     gc.freeze()  # skips the garbage collection at exit, which takes a tenth of the time of a short comparison
     return status

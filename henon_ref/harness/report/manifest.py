@@ -15,6 +15,7 @@ from henon_ref.harness.score.gate import Bounds, bounds_of
 from henon_ref.harness.score.reference import kind_of
 from henon_ref.text import one_line
 from henon_ref.workers.machine import commit, machine
+from henon_ref.workers.worker import Failure
 
 
 @dataclass(frozen=True)
@@ -107,8 +108,8 @@ def read_bounds(manifest: Path) -> list[Bounds]:
 
 def _reading(result: ReadingResult) -> dict[str, Any]:
     """Return the exact problem of a reading, and the properties of its truth."""
-    problem, statement, expected = result.reading.problem, result.statement, result.expected
-    system = problem.system
+    problem, expected = result.reading.problem, result.expected
+    system, truth = problem.system, None if isinstance(result.truth, Failure) else result.truth
 
     def exact(value: Any) -> dict[str, Any]:
         return {"exact": str(value), "value": float(value)}
@@ -125,14 +126,14 @@ def _reading(result: ReadingResult) -> dict[str, Any]:
         "truth": {
             "methods": [
                 {"method": method, "bits": list(bits), "seconds": seconds}
-                for method, bits, seconds in statement.methods
+                for method, bits, seconds in (truth.methods if truth else ())
             ],
-            "certified": statement.certified,
-            "uncertified_because": statement.uncertified_because,
+            "certified": truth is not None and truth.certified,
+            "uncertified_because": truth.uncertified_because if truth else "",
             "radius_s": expected.radius if expected is not None else None,
             "status": expected.status if expected is not None else None,
             "transitions": len(expected.transitions) if expected is not None else None,
-            "reason": statement.reason,
+            "reason": result.truth.reason,
         },
         "sampled_by": result.sampled_by,
     }

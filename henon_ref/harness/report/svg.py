@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from henon_ref.casefile.case import Reading
 from henon_ref.figures.motion import Motion, draw_portrait, motion_of
 from henon_ref.figures.scene import draw_scene
 from henon_ref.figures.style import image
@@ -14,6 +15,7 @@ from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.figures import draw_cost, draw_errors
+from henon_ref.harness.score.reference import Expected
 from henon_ref.workers.worker import Job, WorkerState
 
 if TYPE_CHECKING:
@@ -25,17 +27,19 @@ KINDS = ("scene", "portrait", "modes", "errors", "cost")
 
 def figure_job(result: ReadingResult, records: list[Record]) -> Job:
     """Return the job that draws the figures of one reading."""
-    return Job(draw_figures, (result, records), 120.0)
+    return Job(draw_figures, (result.reading, result.expected, motion_in(result), records), 120.0)
 
 
-def draw_figures(state: WorkerState, result: ReadingResult, records: list[Record]) -> dict[str, bytes]:
+def draw_figures(
+    state: WorkerState, reading: Reading, expected: Expected | None, motion: Motion | None, records: list[Record]
+) -> dict[str, bytes]:
     """Job: draw the figures of one reading; return contents by file name."""
-    reading, expected, motion = result.reading, result.expected, motion_in(result)
     drawn: dict[str, Figure | None] = {}
     if reading.scene is not None:
         drawn["scene"] = draw_scene(reading.scene)
     if motion is not None:
-        drawn |= {"portrait": draw_portrait(reading, motion), "modes": draw_modes(reading, motion)}
+        system = reading.problem.system
+        drawn |= {"portrait": draw_portrait(system, motion), "modes": draw_modes(system, motion)}
     if expected is not None:
         drawn["errors"] = draw_errors([(record.run, record.transitions) for record in records], expected)
         drawn["cost"] = draw_cost([record.run for record in records], expected)

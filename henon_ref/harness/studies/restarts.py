@@ -12,7 +12,6 @@ from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.jobs import stored_statement
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
@@ -21,6 +20,7 @@ from henon_ref.harness.score.ranking import LEVELS, grouped
 from henon_ref.harness.studies.page import report_link, rows_of, write
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
+from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.text import code
 
 SUITE, OPTIONS = "suite.csv", "options.csv"
@@ -143,8 +143,7 @@ def _with_truths(case: Case, libraries: Sequence[str]) -> Case:
         reading
         for reading in case.readings
         if (reading.solvers is None or set(libraries) & set(reading.solvers))
-        and (truth := stored_statement(case, reading)) is not None
-        and truth.expected is not None
+        and stored_truth(case, reading) is not None
     ]
     return replace(case, readings=tuple(readings))
 

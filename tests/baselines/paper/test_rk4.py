@@ -116,7 +116,7 @@ def test_near_a_graze_the_root_is_bracketed():
 
 
 def test_two_events_in_one_step_are_missed_as_the_paper_misses_them():
-    assert RK4.prepare(touching(0.06), step=0.08)().transitions == ()
+    assert not RK4.prepare(touching(0.06), step=0.08)().transitions
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +169,7 @@ def test_one_system_runs_in_several_threads_at_once(forced_coulomb):
     alone = runs[0]()
     with ThreadPoolExecutor(len(runs)) as pool:
         found = list(pool.map(lambda run: run(), runs))
-    assert [run.transitions for run in found] == [alone.transitions] * len(runs)
+    assert [tuple(run.transitions) for run in found] == [tuple(alone.transitions)] * len(runs)
     assert {run.end_state for run in found} == {alone.end_state}
 
 
@@ -186,7 +186,7 @@ def test_a_guard_that_is_not_a_number_is_a_failure_not_a_missed_event():
         FilippovSystem((X,), (S,), (surface,), (1 + X * 0,)), sp.Integer(0), (sp.Rational(995, 1000),), sp.Integer(1)
     )
     run = RK4.prepare(problem, step=0.1)()
-    assert (run.status, run.transitions) == ("failed", ())
+    assert (run.status, len(run.transitions)) == ("failed", 0)
     assert "not a number" in run.reason
 
 

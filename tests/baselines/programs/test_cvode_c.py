@@ -15,11 +15,12 @@ from henon_ref.baselines.protocol.program import ProgramRun
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.jobs import stored_statement
+from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.campaign.journal import code_files
 from henon_ref.harness.cli.lists import unavailable
 from henon_ref.harness.registry import all_versions
 from henon_ref.harness.score.errors import score
+from henon_ref.harness.truth.compute import stored_truth
 
 installed = pytest.mark.skipif(
     not (build.compiler() and build.library_version().startswith("6.")), reason="no C compiler, or no SUNDIALS 6"
@@ -57,11 +58,11 @@ def reading_of(name: str, reading: str) -> tuple[Case, Reading]:
 )
 def test_every_transition_is_right_at_the_tightest_setting(solver, name, reading, error) -> None:
     case, own = reading_of(name, reading)
-    statement = stored_statement(case, own)
-    assert statement is not None
-    assert statement.expected is not None
+    truth = stored_truth(case, own)
+    assert truth is not None
+    expected = expected_of(own, truth)
     found = solver.prepare(own.problem, rtol=1e-13, atol=1e-13)()
-    scored = score(found, statement.expected, tolerance=1e-13)
+    scored = score(found, expected, tolerance=1e-13)
     assert (found.status, scored.status) == ("ok", "ok")
     assert scored.max_time_error is not None
     assert scored.max_time_error < error

@@ -11,8 +11,9 @@ from henon_ref.baselines.programs import interpreted as module
 from henon_ref.baselines.programs.interpreted import ODE45, octave_version
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.jobs import stored_statement
+from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.score.errors import score
+from henon_ref.harness.truth.compute import stored_truth
 
 pytestmark = pytest.mark.skipif(not octave_version(), reason="Octave is not installed")
 BLOCK = """
@@ -31,11 +32,11 @@ until: 10
 @pytest.mark.parametrize("name", ["free_coulomb", "leaving_slide"])
 def test_every_transition_is_found(name: str) -> None:
     case = henon_ref.load_case(name)
-    statement = stored_statement(case, case.readings[0])
-    assert statement is not None
-    assert statement.expected is not None
+    truth = stored_truth(case, case.readings[0])
+    assert truth is not None
+    expected = expected_of(case.readings[0], truth)
     found = ODE45.prepare(case.readings[0].problem, rtol=1e-9, atol=1e-9)()
-    scored = score(found, statement.expected, tolerance=1e-9)
+    scored = score(found, expected, tolerance=1e-9)
     assert (found.status, scored.status) == ("ok", "ok")
     assert scored.max_time_error is not None
     assert scored.max_time_error < 1e-3

@@ -7,7 +7,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint
 
 import pytest
-from fakes import TIMES, Fake, case, expected, statement
+from fakes import TIMES, Fake, case, expected, truth, truth_of
 from jobs import memory
 from often import daily
 
@@ -15,7 +15,6 @@ from henon_ref.harness import registry
 from henon_ref.harness.campaign import jobs
 from henon_ref.harness.campaign.campaign import compare, compare_all
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.jobs import Statement
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Demand, bounds_of, demand, gate
@@ -26,7 +25,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(jobs, "statement_of", statement)
+    monkeypatch.setattr(jobs, "truth_of", truth)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:
@@ -289,16 +288,16 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
     def contradiction(case, reading):
         raise ValueError("the routes disagree")
 
-    monkeypatch.setattr(jobs, "statement_of", contradiction)
+    monkeypatch.setattr(jobs, "truth_of", contradiction)
     result = run(Fake())
     assert list(result.runs["status"]) == ["ok", "ok"]
     assert result.runs["max_time_error_s"].isna().all()
-    assert "the routes disagree" in result.readings[0].statement.reason
+    assert "the routes disagree" in result.readings[0].truth.reason
 
 
 def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
-    nothing = Statement(expected((), end_time=0.0, partial=True), reason="the field is not finite")
-    monkeypatch.setattr(jobs, "statement_of", lambda case, reading: nothing)
+    nothing = truth_of(expected((), end_time=0.0, partial=True), reason="the field is not finite")
+    monkeypatch.setattr(jobs, "truth_of", lambda case, reading: nothing)
     rows = run(Fake()).run_rows
     assert {(row.status, row.verdict, row.expected_status) for row in rows} == {("ok", "not judged", None)}
     assert not demand("fake", rows).judged

@@ -316,7 +316,7 @@ def test_a_caller_with_threads_has_workers_of_a_fresh_process():
 
 def test_workers_that_begin_afresh_are_killed_and_bounded_as_well(monkeypatch, tmp_path):
     """As where there is no fork: what ends with a worker then is its process group."""
-    monkeypatch.setattr(worker_process, "start_method", lambda: worker_process.SPAWN)
+    monkeypatch.setattr(worker_process, "start_method", lambda: "spawn")
     notes = tmp_path / "pids"
     seen = run(["keep", "kept", "eat", "after"], [Act("children", 0.5, str(notes)), "kill", "stray_done"])
     assert seen.results == {"keep": "keepkeep", "kept": "kept", "after": "afterafter"}

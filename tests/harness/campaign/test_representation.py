@@ -7,7 +7,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
-from fakes import case, expected, found, statement, trajectory
+from fakes import case, expected, found, trajectory, truth
 
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.errors import CaseError
@@ -47,7 +47,7 @@ def run(solver: str, rtol: float, error: float, wall: float, failure: Failure | 
 
 def comparison(*records, of: Case | None = None) -> Comparison:
     of = of or case()
-    return Comparison(of, [ReadingResult(of.readings[0], statement(None, None))], list(records), Options())
+    return Comparison(of, [ReadingResult(of.readings[0], truth())], list(records), Options())
 
 
 def made() -> Comparison:
@@ -151,6 +151,6 @@ def test_the_plot_of_one_of_several_readings_names_it():
 
     several = made()
     other = replace(several.readings[0].reading, name="other")
-    several.readings.append(ReadingResult(other, several.readings[0].statement))
+    several.readings.append(ReadingResult(other, several.readings[0].truth))
     assert several.plot().get_title(loc="left") == "Accuracy against time: default"
     plt.close("all")

@@ -9,7 +9,7 @@ from importlib.metadata import EntryPoint
 from types import SimpleNamespace
 
 import pytest
-from fakes import CASE, TIMES, Fake, case, statement
+from fakes import CASE, TIMES, Fake, case, truth
 
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import jobs, journal
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(jobs, "statement_of", statement)
+    monkeypatch.setattr(jobs, "truth_of", truth)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:
@@ -145,7 +145,7 @@ def test_a_damaged_line_is_told_and_set_aside_and_the_others_are_used(tmp_path, 
     assert (path.parent / SET_ASIDE).read_bytes().rstrip() == line.rstrip()
     journal.add("c", ROW)
     caplog.clear()
-    assert Journal(path.parent, resume=True).get("c") == ROW
+    assert Journal(path.parent, resume=True).rows["c"] == ROW
     assert not caplog.messages
     assert read(path) == {"a": ROW, "c": ROW}
 

@@ -9,7 +9,7 @@ import pytest
 from fakes import case, found, trajectory
 
 from henon_ref.errors import ContractError
-from henon_ref.harness.campaign.jobs import KEPT, run_once
+from henon_ref.harness.campaign.jobs import run_once
 from henon_ref.harness.campaign.timing import SAMPLES, median_interval, repeat, summarise, timed, turn_times
 from henon_ref.workers.worker import WorkerState
 
@@ -133,7 +133,7 @@ def test_a_first_time_of_a_clock_of_its_own_that_is_none_is_refused(monkeypatch,
             return trajectory(found())
 
     state = WorkerState(lambda kind, value: None)
-    state.kept[KEPT] = Run(), case().readings[0].problem
+    state.kept["run"] = Run(), case().readings[0].problem
     assert run_once(state, 100)[1] > 0  # NaN: unknown
     monkeypatch.setattr(Run, "wall_s", wall)
     with pytest.raises(ContractError, match=r"the run's wall_s is .*, wanted a positive number"):

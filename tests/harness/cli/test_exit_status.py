@@ -10,11 +10,13 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
+from importlib import metadata
 from pathlib import Path
 
 import pytest
 
-from henon_ref.commands import crash_log, exit_status
+from henon_ref.commands import exit_status
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli import check, compare_cases
 from henon_ref.harness.cli import truth as truth_command
@@ -41,7 +43,7 @@ def logs(monkeypatch, tmp_path_factory) -> Path:
 
 COMMANDS = {
     "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
-    "truth": (truth_command, truth_command, "read_cases"),
+    "truth": (truth_command, truth_command, "load_cases"),
     "study": (importlib.import_module("henon_ref.harness.cli.study"), folder, "check_writable"),
     "check": (check, check, "load_cases"),
 }
@@ -84,13 +86,13 @@ def test_an_error_that_typer_takes_for_an_end_of_the_user_s_input_or_output_is_r
 
 @pytest.mark.parametrize("fault", ["a file in its place", "others can write there"])
 def test_a_log_that_cannot_lie_in_the_user_s_folder_lies_in_a_temporary_one(logs, tmp_path, monkeypatch, fault):
-    monkeypatch.setattr(crash_log.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     if fault == "a file in its place":
         logs.parent.write_text("")
     else:
         logs.mkdir(parents=True)
         logs.chmod(0o777)
-    log = crash_log.write_log(ValueError("it"), "compare", [])
+    log = exit_status.write_log(ValueError("it"), "compare", [])
     assert log.parent.parent == tmp_path
     assert stat.S_IMODE(log.parent.stat().st_mode) == 0o700
     assert "ValueError: it" in log.read_text()
@@ -104,7 +106,7 @@ def test_what_cannot_even_say_what_is_wrong_is_logged(logs, tmp_path, monkeypatc
     def act() -> int:
         raise MuteError
 
-    monkeypatch.setattr(crash_log.metadata, "distributions", broken)
+    monkeypatch.setattr(metadata, "distributions", broken)
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()

@@ -37,11 +37,11 @@ def begun(folder: Path, case: str, behaviour: str) -> subprocess.Popen[str]:
         textwrap.dedent(f"""
         import sys
         sys.path.insert(0, {str(Path(__file__).parents[2] / "support")!r})
-        from fakes import Fake, statement
+        from fakes import Fake, truth
         from henon_ref.harness import registry
         from henon_ref.harness.cli import compare
         from henon_ref.harness.campaign import jobs
-        jobs.statement_of = statement
+        jobs.truth_of = truth
         registry.solver = lambda name: Fake(name, "right" if name == "henon" else {behaviour!r})
         sys.exit(compare.command(["{case}.yaml", "--out", "out", "--timeout", "600", "--no-figures"]))
         """)

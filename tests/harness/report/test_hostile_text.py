@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from fakes import CASE, expected, found, statement, trajectory
+from fakes import CASE, expected, found, trajectory, truth
 from made_reports import made
 from markdown_it import MarkdownIt
 
@@ -62,7 +62,7 @@ def records(case: Case) -> list[Record]:
 def folder(tmp_path) -> Path:
     """A hostile report, its figures, and the index above it."""
     case = hostile()
-    result = ReadingResult(case.readings[0], replace(statement(None, None), reason=EVIL, uncertified_because=EVIL))
+    result = ReadingResult(case.readings[0], replace(truth(), reason=EVIL, uncertified_because=EVIL))
     rows = records(case)
     result.figures["default_errors.svg"] = svg(draw_errors([(row.run, row.transitions) for row in rows], expected()))
     result.figures["default_cost.svg"] = svg(draw_cost([row.run for row in rows], expected()))

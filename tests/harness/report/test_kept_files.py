@@ -252,11 +252,11 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
         import sys
         signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in what a shell runs in the background
         sys.path.insert(0, {str(Path(__file__).parents[2] / "support")!r})
-        from fakes import Fake, statement
+        from fakes import Fake, truth
         from henon_ref.harness import registry
         from henon_ref.harness.cli import compare
         from henon_ref.harness.campaign import jobs
-        jobs.statement_of = statement
+        jobs.truth_of = truth
         registry.solver = lambda name: Fake(name, "right" if name == "henon" else "hangs")
         sys.exit(compare.command(["made_up.yaml", "--out", "out", "--timeout", "600"]))
         """)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from fakes import CASE, case, expected, found, reference, statement, trajectory
+from fakes import CASE, case, expected, found, reference, trajectory, truth
 from made_reports import ORIGIN, changed, compared, made, sweep, usual
 
 from henon_ref.casefile.case import load_case
@@ -28,7 +28,7 @@ from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import report_text, write_report
-from henon_ref.harness.report.svg import draw_figures
+from henon_ref.harness.report.svg import figure_job
 from henon_ref.harness.report.text.gate import gate_table, why_unchecked
 from henon_ref.harness.report.text.model import mode_equations
 from henon_ref.harness.report.text.tables import price_table, run_table
@@ -38,7 +38,7 @@ from henon_ref.harness.score.gate import Gate
 from henon_ref.harness.score.ranking import LEVELS, cheapest
 from henon_ref.modes.latex import latex, symbol
 from henon_ref.trajectory import Samples
-from henon_ref.workers.worker import WorkerState
+from henon_ref.workers.worker import Failure, WorkerState
 
 
 @pytest.fixture
@@ -127,7 +127,7 @@ gate:
 )
 def test_the_gate_counts_the_bounds_that_were_checked(solvers, state, checked, left_out):
     gated = case(text=re.sub("gate: .*", GATES, CASE))
-    result = ReadingResult(gated.readings[0], statement(None, None))
+    result = ReadingResult(gated.readings[0], truth())
     records = [made(solver, 1e-6, 1e-4) for solver in solvers]
     table = gate_table(Comparison(gated, [result], records, Options(solvers=solvers)).gate)
     assert list(table.rows) == [(state, checked, "", left_out)]
@@ -174,7 +174,8 @@ def figures(comparison: Comparison, **changes: object) -> dict[str, bytes]:
     times = np.linspace(1.0, 5.0, 81)
     samples = Samples(times, np.sin(times)[:, None], None)
     given = {"result": replace(comparison.readings[0], samples=samples), "records": comparison.records}
-    return draw_figures(WorkerState(lambda kind, value: None), **given | changes)
+    job = figure_job(**given | changes)
+    return job.function(WorkerState(lambda kind, value: None), *job.arguments)
 
 
 def test_figures_are_the_same_bytes_for_the_same_data(comparison):
@@ -197,7 +198,7 @@ def test_figures_stand_any_lack_of_data(comparison):
     result = comparison.readings[0]
     times = np.array([1.0, 2.0])
     samples = Samples(times, np.ones((2, 1)), None)
-    without_truth = replace(result, statement=replace(result.statement, expected=None), samples=samples)
+    without_truth = replace(result, truth=Failure("failed", "none"), samples=samples)
     assert figures(comparison, result=without_truth) == {}
     assert figures(comparison, result=replace(result, samples=None), records=[]) == {}
     nothing = Samples(times, np.full((2, 1), np.nan), None)

@@ -7,7 +7,7 @@ from decimal import Decimal
 from pathlib import Path
 
 import pytest
-from fakes import TIMES, Reference, case, expected, found, trajectory
+from fakes import TIMES, Reference, case, expected, found, reference, trajectory
 from made_reports import ORIGIN, SWEEP, VALUES, cells, changed, compared, made, sweep, tables, usual
 
 from henon_ref.casefile.case import load_case
@@ -20,6 +20,7 @@ from henon_ref.harness.report.text.truth import no_truth, printed_times_table, p
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.ranking import over_all
 from henon_ref.trajectory import Transition
+from henon_ref.workers.worker import Failure
 
 RIGHT = "right"
 CASES = Path(__file__).parents[3] / "cases"
@@ -64,7 +65,8 @@ def test_a_single_solver_is_not_ranked():
 
 
 def test_without_a_truth_nothing_is_scored():
-    whole = compared(made("henon", 1e-6, 1e-4), expected=None, reason="the routes disagree")
+    whole = compared(made("henon", 1e-6, 1e-4))
+    whole.readings[0] = replace(whole.readings[0], truth=Failure("failed", "the routes disagree"))
     assert truth(whole) == {"exact run": ("none, nothing is scored", "the routes disagree")}
     assert no_truth(whole.readings[0]) == "No run is judged: there is no truth (the routes disagree)."
     assert no_truth(usual().readings[0]) == ""
@@ -79,7 +81,7 @@ def test_without_a_truth_nothing_is_scored():
     ],
 )
 def test_the_exact_run_has_a_row(changes, end, note):
-    found = truth(compared(expected=replace(expected(), transitions=(), **changes)))
+    found = truth(compared(exact=replace(expected(), transitions=(), **changes)))
     assert found["exact run"] == (end, note)
     assert (found["transitions"], found["touches"]) == (("0", ""), ("0", ""))
     assert found["certified"] == ("yes", "it is proven in ball arithmetic that there is no transition")
@@ -89,11 +91,16 @@ def test_what_is_proven_of_a_truth_and_why_the_rest_is_not():
     assert truth(usual())["certified"][1].startswith("every one of the 5 is enclosed in ball arithmetic")
     assert truth(usual())["largest radius of a transition time"] == ("1e-30 s", "no error is claimed below it")
     assert truth(usual())["computed by"] == ("made up", "256 bits, 0.1 s")
-    partly = {"certified": False, "uncertified_because": "a graze, at t = 1."}
-    assert truth(compared(proven=2, **partly))["certified"] == ("2 of 5", "a graze, at t = 1")
-    assert truth(compared(proven=0, **partly))["certified"] == ("no", "a graze, at t = 1")
-    assert truth(compared(proven=2, **partly))["modes confirmed by"] == ("nothing independent", "")
-    other = truth(compared(closed_forms=3, near_grazes=2))
+
+    def partly(proven: int) -> dict[str, tuple[str, ...]]:
+        exact = expected(transitions=[replace(event, proven=k < proven) for k, event in enumerate(reference())])
+        return truth(compared(exact=exact, certified=False, uncertified_because="a graze, at t = 1."))
+
+    assert partly(proven=2)["certified"] == ("2 of 5", "a graze, at t = 1")
+    assert partly(proven=0)["certified"] == ("no", "a graze, at t = 1")
+    assert partly(proven=2)["modes confirmed by"] == ("nothing independent", "")
+    closed = [replace(event, closed_form=k < 3) for k, event in enumerate(reference())]
+    other = truth(compared(exact=expected(transitions=closed, near_grazes=["one", "another"])))
     assert (other["closed forms of the case"][0], other["near touches"][0]) == ("3", "2")
 
 
@@ -111,7 +118,7 @@ def test_an_exact_run_that_ends_early_says_why():
     ended = expected(TIMES[:3], status="nonunique", end_time=2.7)
     outcome = Outcome("made_up", case().readings[0], "henon", Setting(rtol=1e-6, atol=1e-6))
     outcome = replace(outcome, trajectory=trajectory(found(TIMES[:3]), "nonunique", end_time=2.7))
-    whole = compared(record(scored(outcome, ended), ended), expected=ended, reason="both sides repel")
+    whole = compared(record(scored(outcome, ended), ended), exact=ended, reason="both sides repel")
     assert truth(whole)["exact run"] == ("nonunique, to t = 2.7 s", "both sides repel")
     assert truth(whole)["transitions"] == ("3", "")
     assert solvers(whole)["`henon`"][RIGHT] == "1 of 1"
@@ -125,7 +132,7 @@ def test_a_solver_that_reports_no_touch_is_right_with_a_note():
         outcome = Outcome("made_up", case().readings[0], solver, Setting(rtol=1e-6, atol=1e-6))
         outcome = scored(replace(outcome, trajectory=trajectory(transitions)), touched)
         records.append(record(outcome, touched))
-    whole = compared(*records, expected=touched)
+    whole = compared(*records, exact=touched)
     assert (truth(whole)["transitions"][0], truth(whole)["touches"][0]) == ("0", "1")
     notes = {solver: (row[RIGHT], row["note"].partition(";")[0]) for solver, row in solvers(whole).items()}
     assert notes["`scipy-rk45`"] == ("1 of 1", "touches missed: 1")
@@ -172,14 +179,14 @@ def test_printed_durations_hold_or_not():
 )
 def test_a_stick_that_the_horizon_cuts_off_is_not_denied(times, ends_in_slip):
     truth = expected(times)
-    whole = compared(made("henon", 1e-6, 1e-4, truth=truth), expected=truth)
+    whole = compared(made("henon", 1e-6, 1e-4, truth=truth), exact=truth)
     row = published(whole, "0.75", measure_after=4.5)["0.75"]
     assert row["note"] == ("no stick after t = 4.5 s" if ends_in_slip else "no stick that ends after t = 4.5 s")
     assert row["digits hold"] == ""
 
 
 def test_a_run_without_transitions_has_none_beside_a_printed_time():
-    result: ReadingResult = compared(expected=expected(())).readings[0]
+    result: ReadingResult = compared(exact=expected(())).readings[0]
     own = replace(result.reading.published, transition_times=decimals("1.00"))
     found = printed_times_table(replace(result, reading=replace(result.reading, published=own)))
     assert found is not None

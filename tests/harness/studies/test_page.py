@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from fakes import Fake, case, statement
+from fakes import Fake, case, truth
 
 from henon_ref.figures import style
 from henon_ref.harness.campaign import jobs
@@ -40,7 +40,7 @@ def test_a_page_stays_as_it_is_where_its_new_files_cannot_be_made(tmp_path: Path
 
 @pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jobs, "statement_of", statement)
+    monkeypatch.setattr(jobs, "truth_of", truth)
     cases = [case("b"), case("a")]
     options = Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False)
     found = page.rows_of(cases, options, ProgressLine(None))

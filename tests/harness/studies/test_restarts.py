@@ -269,5 +269,5 @@ def test_the_command_keeps_the_rows_of_libraries_that_it_did_not_run(tmp_path: P
 
 
 def test_a_reading_without_a_truth_is_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(restarts, "stored_statement", lambda case, reading: None)
+    monkeypatch.setattr(restarts, "stored_truth", lambda case, reading: None)
     assert restarts.run_restarts(request(tmp_path)).page is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from decimal import Decimal
+from typing import TYPE_CHECKING
 
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
@@ -14,6 +15,10 @@ from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.table import Table, error, exponential, listing, significant
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks
+from henon_ref.workers.worker import Failure
+
+if TYPE_CHECKING:
+    from henon_ref.harness.truth import Truth
 
 
 def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
@@ -21,8 +26,8 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
 
     If the transitions are not certified, the table names the independent solvers in ``runs`` that confirm their modes.
     """
-    headings, statement, expected = ("truth", "value", "note"), result.statement, result.expected
-    if expected is None:
+    headings, truth, expected = ("truth", "value", "note"), result.truth, result.expected
+    if isinstance(truth, Failure) or expected is None:
         return Table(headings, "lll", [("exact run", "none, nothing is scored", _reason(result))])
     touches = sum(event.kind == "graze" for event in expected.transitions)
     ended = "the truth ends there" if expected.partial else ""
@@ -30,22 +35,22 @@ def truth_table(result: ReadingResult, runs: Iterable[RunRow] = ()) -> Table:
         ("exact run", _end(expected), "; ".join(filter(None, (ended, _reason(result))))),
         ("transitions", f"{len(expected.transitions) - touches}", ""),
         ("touches", f"{touches}", "a surface is met and not crossed" if touches else ""),
-        ("certified", *_certified(result, expected)),
+        ("certified", *_certified(truth, expected)),
     ]
-    if not statement.certified and expected.transitions:
+    if not truth.certified and expected.transitions:
         names = sorted({f"`{run.solver}`" for run in runs if _confirms(run)})
         note = "its driver finds the same transitions" if len(names) == 1 else "their drivers find the same transitions"
         rows.append(("modes confirmed by", *((listing(names), note) if names else ("nothing independent", ""))))
     if expected.radius:
         radius = f"{exponential(expected.radius, 1)} s"
         rows.append(("largest radius of a transition time", radius, "no error is claimed below it"))
-    if statement.closed_forms:
-        rows.append(("closed forms of the case", f"{statement.closed_forms}", "transition times that agree with them"))
-    for method, bits, seconds in statement.methods:
+    if closed_forms := sum(event.closed_form for event in expected.transitions):
+        rows.append(("closed forms of the case", f"{closed_forms}", "transition times that agree with them"))
+    for method, bits, seconds in truth.methods:
         note = f"{listing([f'{b}' for b in bits])} bits, {significant(seconds, 2)} s" if bits else ""
         rows.append(("computed by", method, note))
-    if statement.near_grazes:
-        rows.append(("near touches", f"{statement.near_grazes}", "instants at which a surface is nearly met"))
+    if expected.near_grazes:
+        rows.append(("near touches", f"{len(expected.near_grazes)}", "instants at which a surface is nearly met"))
     return Table(headings, "lll", rows)
 
 
@@ -67,7 +72,7 @@ def no_truth(result: ReadingResult) -> str:
 
 
 def _reason(result: ReadingResult) -> str:
-    return markdown(result.statement.reason).rstrip(".")
+    return markdown(result.truth.reason).rstrip(".")
 
 
 def _end(expected: Expected) -> str:
@@ -76,16 +81,16 @@ def _end(expected: Expected) -> str:
     return f"{expected.status}, to t = {significant(expected.end_time, 9)} s"
 
 
-def _certified(result: ReadingResult, expected: Expected) -> tuple[str, str]:
+def _certified(truth: Truth, expected: Expected) -> tuple[str, str]:
     """Return whether the truth is proven, and an explanation."""
-    statement, number = result.statement, len(expected.transitions)
-    if statement.certified and not number:
+    number = len(expected.transitions)
+    if truth.certified and not number:
         return "yes", "it is proven in ball arithmetic that there is no transition"
-    if statement.certified:
+    if truth.certified:
         each = "the only transition" if number == 1 else f"every one of the {number}"
         return "yes", f"{each} is enclosed in ball arithmetic, and it is proven that there is no other"
-    why = markdown(statement.uncertified_because).rstrip(".")
-    return (f"{statement.proven} of {number}" if statement.proven else "no"), why
+    why = markdown(truth.uncertified_because).rstrip(".")
+    return (f"{truth.proven} of {number}" if truth.proven else "no"), why
 
 
 def published_table(records: Sequence[Record], result: ReadingResult) -> Table | None:
