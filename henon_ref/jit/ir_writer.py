@@ -27,7 +27,7 @@ MINUS = "0xBFF0000000000000"
 
 
 def row_length(order: int) -> int:
-    """Doubles from one row of coefficients to the next: whole vectors, padded with zeros."""
+    """Doubles from one row of coefficients to the next: whole vectors, of which the last may be used in part."""
     length: int = kernel.row_length(order)
     return length
 

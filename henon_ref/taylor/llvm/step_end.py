@@ -66,6 +66,9 @@ def _row(
         term = w.load(row[0], row[1] + v * LANES, _VECTOR)
         if v == 0:
             term = w.emit(f"insertelement {_VECTOR} {term}, double {ZERO}, i64 0")
+        if (v + 1) * LANES > order + 1:  # behind the row's end memory may hold anything
+            own = ", ".join(f"i1 {int(k <= order)}" for k in range(v * LANES, (v + 1) * LANES))
+            term = w.emit(f"select <{LANES} x i1> <{own}>, {_VECTOR} {term}, {_VECTOR} {zero}")
         if bound:
             below = w.emit(f"fcmp olt {_VECTOR} {term}, {zero}")
             term = w.emit(f"select <{LANES} x i1> {below}, {_VECTOR} {term}, {_VECTOR} {zero}")
