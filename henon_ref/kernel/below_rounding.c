@@ -160,9 +160,10 @@ static double lowest_ahead(const struct work *w, int64_t guard, double theta)
 
 /* Check whether a guard that is below zero where a step begins (hits) falls further by more than rounding.
  *
- * Guards that do not are removed from the hits, and faint on this step.
+ * Guards that do not are removed from the hits, and faint on this step. If "undecidable", none does: a guard that is a
+ * constant of the motion drifts by the errors of the steps, which are larger than rounding.
  */
-static bool fails_beyond_rounding(struct work *w, double natural)
+static bool fails_beyond_rounding(struct work *w, double natural, bool undecidable)
 {
     bool found = false;
     double theta = length_looked_at(w, natural);
@@ -170,7 +171,7 @@ static bool fails_beyond_rounding(struct work *w, double natural)
         if (w->hits[g] == 1) {
             double noise = guard_noise(w, g, theta);
             bool still = stands_still(w, g, natural);
-            if (still || (noise > 0.0 && -lowest_ahead(w, g, theta) <= noise)) {
+            if (still || undecidable || (noise > 0.0 && -lowest_ahead(w, g, theta) <= noise)) {
                 w->hits[g] = 0, w->faint[g] = 1;
                 if (!still)
                     passed_over(w, g, 0.0);

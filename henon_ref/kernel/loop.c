@@ -49,10 +49,13 @@ static inline struct look accepted_step(struct work *w, double theta)
     double last = w->last_steps[run->step_place];
     if (grown && look.final && left <= last) /* the last part before the horizon is no step that has grown */
         grown = false, look.natural = smaller(look.natural, last);
-    bool unconverged = w->mode->polynomial_degree == 0 && (grown || tail_unconverged(w, rows, look.theta));
+    bool gaps = false;
+    if (may_have_gaps(w))
+        step_before_gaps(w, rows, look.theta, &gaps);
+    bool unconverged = w->mode->polynomial_degree == 0 && (grown || gaps || tail_unconverged(w, rows, look.theta));
     if (!unconverged && !w->mode->slopes)
         return look;
-    double accepted = validated_step(w, look.theta, grown, unconverged);
+    double accepted = validated_step(w, look.theta, grown, gaps, unconverged);
     if (accepted < look.theta) {
         look.cut = w->mode->guards_branch > 0 && accepted < SHARP_CUT * look.theta;
         look.theta = accepted, look.final = false;
@@ -147,6 +150,8 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
 static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
 {
     struct run *run = w->run;
+    /* Multiprecision has examined the guards here twice, and kept the mode: on this step they decide nothing. */
+    bool undecidable = run->mode == run->stepped_mode && run->guard == NOWHERE && run->events_at_once > 1;
     enter(w);
     if (run->mode != run->stepped_mode)
         enter_mode(w);
@@ -163,7 +168,7 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
     w->mode->step_end(look.theta, w->c, w->change);
     for (int64_t g = 0; g < w->mode->guards; g++)
         w->faint[g] = 0;
-    if (guards_below_zero(w, look.natural / unit) && fails_beyond_rounding(w, look.natural / unit)) {
+    if (guards_below_zero(w, look.natural / unit) && fails_beyond_rounding(w, look.natural / unit, undecidable)) {
         run->guard = NOWHERE; /* multiprecision examines the guards */
         return SELECT_MODE;
     }

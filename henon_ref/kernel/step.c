@@ -123,6 +123,11 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
                 continue;
             }
         }
+        bool gaps = false;
+        if (may_have_gaps(w)) {
+            double before = step_before_gaps(w, rows, smaller(theta, left / unit), &gaps);
+            theta = gaps ? smaller(theta, before) : theta;
+        }
         if (shrunk) {
             theta = smaller(theta, 1e6);
             shrunk = false;
@@ -135,7 +140,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         if (raised != 0 && out_of_range(w, raised, smaller(theta, left / unit)))
             return OUT_OF_RANGE;
         *proposed = theta;
-        if (alone || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
+        if (alone || gaps || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
             return ON;
         w->mode->step_end(theta, w->c, w->change);
         for (int64_t g = 0; g < guards; g++)
@@ -166,9 +171,6 @@ static void refine_release(struct work *w, int64_t guard, double unit, double th
     for (int step = 0; step < 3; step++) {
         w->mode->expansion(run->time, run->time_low, unit, w->x, w->constants, w->ahead);
         run->expansions += 1;
-        for (int64_t i = 0; i < run->states; i++) /* a row is a whole number of vectors; root isolation used its end */
-            for (int64_t k = run->order + 1; k < w->width; k++)
-                w->ahead[i * w->width + k] = 0.0;
         const double *row = row_ahead(w, run->states + guard);
         double off = row[0], slope = row[1], size = fabs(off) + fabs(slope) * theta;
         if (fabs(off) <= 2.0 * EPS * size || !(slope < 0.0))

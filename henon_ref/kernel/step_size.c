@@ -8,6 +8,8 @@
 
 /* Step, in the unit, if no coefficient limits it. */
 #define UNLIMITED 1e30
+/* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
+#define GAP_RATIO 1e-5
 
 /* (above / below) ^ power to about one part in 100, which is enough for a step size. Both numbers are positive.
  *
@@ -119,12 +121,6 @@ static double flat_step_size(const struct work *w, int64_t rows)
     return shortest;
 }
 
-/* Length, at most one unit, on which the terms of the expansion ahead decrease; 0 if a coefficient is not finite. */
-static double length_ahead(const struct work *w, int64_t rows)
-{
-    return smaller(step_size(w, w->ahead, rows), 1.0);
-}
-
 /* Sum of |c_k| theta^j over k >= first, where j = k - first. */
 static double size_of_terms(const double *row, int64_t first, int64_t order, double theta)
 {
@@ -134,4 +130,65 @@ static double size_of_terms(const double *row, int64_t first, int64_t order, dou
         power *= theta;
     }
     return size;
+}
+
+/* Last term of a row, of order 3 at least, before a gap of two terms or more at the row's end; 0 if there is no gap.
+ *
+ * Terms in a gap are zero, or rounding: then a gap is shorter than four terms, as in a sine at a right angle.
+ */
+static int64_t last_before_gap(const double *row, int64_t order, double theta)
+{
+    double later = larger(fabs(row[order]) * theta, fabs(row[order - 1])), power = 1.0, inverse = 1.0 / theta;
+    int not_zero = 0;
+    for (int64_t k = order - 2; k > 2 && not_zero < 2; k--) {
+        power *= inverse;
+        double term = fabs(row[k]) * power;
+        if (GAP_RATIO * term > later)
+            return k;
+        later = larger(later, term);
+        not_zero += term > 0.0;
+    }
+    return 0;
+}
+
+/* Check whether a series may end in a gap: at the start and after an event, where a state may be symmetric.
+ *
+ * A pendulum that is released at a right angle has only every fourth coefficient; t^5, at t = 0, only every tenth of
+ * its sine. The last two terms then limit no step.
+ */
+static inline bool may_have_gaps(const struct work *w)
+{
+    const struct run *run = w->run;
+    return w->mode->polynomial_degree == 0 && (run->steps == 0 || run->time == run->event_time);
+}
+
+/* Longest step, theta at most, on which the last term before a gap falls below the tolerance as last terms do.
+ *
+ * Terms of the first half need not: those after the gap are unknown. "gaps": whether a gap begins above the tolerance, so
+ * that the step must be validated.
+ */
+static double step_before_gaps(const struct work *w, int64_t rows, double theta, bool *gaps)
+{
+    int64_t order = w->run->order;
+    *gaps = false;
+    for (int64_t r = 0; r < rows; r++) {
+        const double *row = row_of(w, r);
+        int64_t last = last_before_gap(row, order, smaller(theta, 1.0));
+        for (double longer = INFINITY; last > 0 && theta < 0.5 * longer;) {
+            double least = w->run->tolerance * size_of_terms(row, 0, last - 1, theta);
+            longer = theta;
+            if (fabs(row[last]) * whole_power(theta, last) > least) {
+                *gaps = true;
+                if (last >= order / 2 && least > 0.0)
+                    theta = pow(least / fabs(row[last]), 1.0 / (double)last);
+            }
+        }
+    }
+    return theta;
+}
+
+/* Length, at most one unit, on which the terms of the expansion ahead decrease; 0 if a coefficient is not finite. */
+static double length_ahead(const struct work *w, int64_t rows)
+{
+    return smaller(step_size(w, w->ahead, rows), 1.0);
 }

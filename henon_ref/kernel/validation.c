@@ -7,8 +7,6 @@
  * (henon_ref/enclosure/tail_bounds.py).
  */
 
-/* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
-#define GAP_RATIO 1e-5
 /* Factor of one shortening while terms grow; also the largest ratio of the last two terms of a step without a check. */
 #define SHORTER 0.7
 /* Smallest factor by which a refused step is shortened; above it 0.95 worst^(-1/p), for an error that goes as
@@ -24,6 +22,10 @@
 #define SHORTEST_PART 1e-60
 /* Relative error, of a row's size on a step, that rounding may always cause in a polynomial motion. */
 #define ROUNDING (1e3 * EPS)
+/* Relative error of a slope at which expansions agree; and the smallest one if a series has a gap, where the slopes must
+ * agree to the tolerance (the rounding of the field is not known). */
+#define AGREEMENT 1e-6
+#define CLOSEST_AGREEMENT 1e-10
 /* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
 /* Number of places on a step at which the size of a row is sampled. */
@@ -159,10 +161,11 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
 /* Compare the expansion with a new one made at a place on the step.
  *
  * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
- * without branch points need no comparison. The step is "theta" units long.
+ * without branch points need no comparison. The step is "theta" units long. "relative": allowed error, as a part of the
+ * sum of the terms.
  */
 static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
-                       struct agreement *found)
+                       double relative, struct agreement *found)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
@@ -187,7 +190,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
         /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
-        double allowed = larger(1e-6 * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
+        double allowed = larger(relative * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
         if (r >= n && !smooth && off > allowed) {
             if (!measured)
                 guard_rounding(w, code, end);
@@ -208,7 +211,8 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  *
  * "unconverged": the terms are examined first. While they grow the step is shortened until they decrease, so that it
  * ends within their circle of convergence. Terms that are zero or end in a gap do not prove convergence (those of a
- * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown").
+ * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown"), or
+ * if some series has a gap ("gaps").
  *
  * Then the expansion is compared with new ones, at the end of the step and within it, if some terms do not prove
  * convergence, or if the field or a guard has branch points ("slopes" is not null). Beyond a branch point the series of
@@ -217,7 +221,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  * branch points are not compared if all terms decrease, and on a step much shorter than the last one their differences
  * are ignored, because rounding alone may change a guard next to zero.
  */
-static double validated_step(const struct work *w, double theta, bool grown, bool unconverged)
+static double validated_step(const struct work *w, double theta, bool grown, bool gaps, bool unconverged)
 {
     const struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards, order = run->order;
@@ -227,7 +231,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         const double *row = row_of(w, r);
         if (r >= run->states && w->faint[r - run->states] != 0)
             continue;
-        enum tail tail = tail_shape(row, order, theta, grown ? 0.0 : EPS);
+        enum tail tail = tail_shape(row, order, theta, grown || gaps ? 0.0 : EPS);
         if (tail == NOT_DECREASING) {
             while (tail_shape(row, order, theta, EPS) == NOT_DECREASING)
                 theta *= SHORTER;
@@ -235,13 +239,16 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         }
         decreasing = decreasing && tail == DECREASING;
     }
+    double relative = AGREEMENT;
+    if (gaps)
+        relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
     expand_code slopes = decreasing ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-        compare_at(w, theta, theta, slopes, decreasing, &found);
+        compare_at(w, theta, theta, slopes, decreasing, relative, &found);
         if (found.kept)
-            compare_at(w, 0.37 * theta, theta, slopes, decreasing, &found);
+            compare_at(w, 0.37 * theta, theta, slopes, decreasing, relative, &found);
         if (found.agrees)
             break;
         bool falls = LEAST_PART * theta < found.shorter && found.shorter < theta;

@@ -244,3 +244,19 @@ def test_crossings_of_terms_that_cancel_are_told_down_to_their_rounding() -> Non
     assert (run.status, set(kinds(run))) == ("ok", {"crossing"})
     assert times[:40] == pytest.approx([math.pi / 2 + k * math.pi for k in range(40)], abs=1e-4)
     assert 150 < times[-1] < run.undecided_after["s"] < 180
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-8, 1e-9, 1e-10, 1e-12])
+@pytest.mark.parametrize(
+    ("energy", "field", "start"),
+    [
+        ("v^2/2 - cos(x)", ["v", "-sin(x)"], {"x": "pi/2", "v": 0}),
+        ("x^2 + v^2 - 1", ["v", "-x"], {"x": 1, "v": 0}),
+    ],
+)
+def test_a_constant_of_the_motion_ends_no_run(energy: str, field: list[str], start: dict, rtol: float) -> None:
+    """It is zero along the whole motion, and drifts by the errors of the steps, which exceed rounding."""
+    run = hr.simulate(hr.System(["x", "v"], {}, {"s": energy}, field), start, until=20, rtol=rtol)
+    exact = sp.lambdify(["x", "v"], energy.replace("^", "**"))
+    assert run.status == "ok"
+    assert exact(*run.y) == pytest.approx(0, abs=1e3 * rtol)
