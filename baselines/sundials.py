@@ -42,7 +42,7 @@ os.environ.setdefault("SUNLOGGER_WARNING_FILENAME", os.devnull)
 
 
 class _CvodeMode(SmoothMode):
-    """One mode on an integrator of scikit-sundae; here CVODE."""
+    """One mode on CVODE; IDA's mode overrides `build` and `start`."""
 
     function: Callable[..., None]
     """Right-hand side or residual."""

@@ -91,7 +91,7 @@ class HenonRK4:
 RK4 = HenonRK4()
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=1024)
 def _kernel(system: FilippovSystem, mode: Mode) -> Kernel:
     """Compiled kernel of a mode, for all step lengths."""
     with compiling():

@@ -28,7 +28,8 @@ def made(texts: list[str], names: dict[str, str]) -> Callable[..., Any]:
     """Make one function of (x, p) from texts of the request; it returns a tuple. The last entry of x is the time."""
     pattern = re.compile(r"(?<![\w.])[A-Za-z]\w*")
     body = ", ".join(pattern.sub(lambda word: names.get(word[0], word[0]), text) for text in texts)
-    found: Callable[..., Any] = eval(f"lambda x, p: ({body},)", dict(vars(math)))
+    functions = {name: own for name, own in vars(math).items() if callable(own)}
+    found: Callable[..., Any] = eval(f"lambda x, p: ({body},)", functions)
     return found
 
 

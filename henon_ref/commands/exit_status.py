@@ -140,10 +140,15 @@ def parsed(app: Callable[..., Any], arguments: Sequence[str] | None, *, name: st
 
 
 def command_of(app: Callable[..., Any], name: str, *, kept: str = "") -> Callable[..., int]:
-    """Return the subcommand of a typer application: a function of its arguments that returns the exit status."""
+    """Return the subcommand of a typer application: a function of its arguments that returns the exit status.
+
+    ``kept``: what an interrupt leaves, for its message. The function's ``obj`` is passed to the application's context.
+    """
 
     def command(arguments: Sequence[str] | None = None, *, obj: Any = None) -> int:
-        act = lambda: int(parsed(app, arguments, name=name, obj=obj))  # noqa: E731
+        def act() -> int:
+            return int(parsed(app, arguments, name=name, obj=obj))
+
         return exit_status(act, name=name, arguments=arguments, kept=kept)
 
     return command

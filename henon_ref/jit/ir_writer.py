@@ -47,7 +47,7 @@ def declarations() -> str:
     for n in (2, 4):
         kind = f"<{n} x double>"
         lines.append(f"declare {kind} @llvm.fma.v{n}f64({kind}, {kind}, {kind})")
-        lines += [f"declare {kind} @llvm.{f}.v{n}f64({kind})" for f in _INTRINSICS if f != "fma"]
+        lines += [f"declare {kind} @llvm.{f}.v{n}f64({kind})" for f in ("sqrt", "fabs")]
     lines += ["declare i64 @llvm.ctpop.i64(i64)", "declare noalias ptr @malloc(i64)", "declare void @free(ptr)"]
     return "\n".join(lines) + "\n"
 

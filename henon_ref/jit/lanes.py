@@ -1,7 +1,7 @@
 """LLVM IR for one number turned into IR for the lanes of vectors: the same operations, with the same bits.
 
-In each lane a pointer ``%p1`` points to another number: to the next one in memory, or to the same. All other pointers
-point to vectors.
+A pointer ``%p0``, ``%p1``, ... stands for one place in each lane: neighbouring places, or the same place in all lanes.
+Other arrays (``%N``) hold a vector at each place.
 """
 
 from __future__ import annotations

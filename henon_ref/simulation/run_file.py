@@ -17,8 +17,9 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES, transition_dtype
 from henon_ref.integrator.run_result import KINDS, TransitionArray
 from henon_ref.simulation.system import System
+from henon_ref.system.problem import MODEL_KEYS
 from henon_ref.system.python_values import mapping_of, source_of
-from henon_ref.system.tree import as_written
+from henon_ref.system.tree import as_written, mapping
 from henon_ref.trajectory import Counts, Decisions, Trajectory
 
 FORMAT = 1
@@ -120,7 +121,8 @@ def _run(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> Saved:
         for field, values in fields.items():
             steps[field] = values
     initial = [(high, low) for high, low in arrays["initial"].T.tolist()]
-    system = System.from_source(source_of(mapping_of(about["system"], "'system'")))
+    model = {key: node for key, node in mapping_of(about["system"], "'system'").entries.items() if key in MODEL_KEYS}
+    system = System.from_source(source_of(mapping(model)))
     return system, about["start"], initial, trajectory, steps
 
 

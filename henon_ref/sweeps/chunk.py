@@ -164,7 +164,7 @@ def values_at(expression: sp.Expr, point: Mapping[str, Vector], count: int) -> V
     return np.broadcast_to(np.asarray(function(*(point[name] for name in names)), dtype=np.float64), count)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def _function(expression: sp.Expr) -> tuple[list[str], Callable[..., Any]]:
     """Return the names in an expression, and the expression as a function of arrays of their values."""
     symbols = sorted(expression.free_symbols, key=lambda s: s.name)

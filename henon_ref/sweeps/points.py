@@ -93,7 +93,7 @@ def table(source: pd.DataFrame | Mapping[str, Any] | str | Path) -> Points:
     """
     if isinstance(source, str | Path):
         source = read_table(Path(source))
-    if not isinstance(source, Mapping) and type(source).__name__ != "DataFrame":
+    if not isinstance(source, Mapping) and not hasattr(source, "columns"):
         raise ArgumentError(f"a table is a {type(source).__name__}; wanted a data frame, columns by name, or a file")
     columns = {name: numbers(source[key], f"column '{name}'") for name, key in _named(source, "a table").items()}
     lengths = {len(column) for column in columns.values()}
@@ -146,9 +146,8 @@ def continuation(
     check_size(len(path) * chains, len(across) + 1, "a continuation")
     made = np.column_stack([np.repeat(_combined(across), len(path), axis=0), np.tile(path, chains)])
     labels = {"direction": np.tile(np.array([d for d in directions for _ in values], dtype=object), chains)}
-    written = {"along": _written(along, line), "directions": list(directions)}
-    if axes and across:
-        written["grid"] = _written(axes, across)
+    grid = {"grid": _written(axes, across)} if axes else {}
+    written = {"along": _written(along, line), "directions": list(directions), **grid}
     return Points((*across, name), made, len(path), labels, {"continuation": written})
 
 

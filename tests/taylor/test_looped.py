@@ -71,7 +71,7 @@ def test_the_tapes_hold_every_rule() -> None:
 def test_loops_have_the_bits_of_straight_line_code(tape: Tape, states: int, order: int) -> None:
     if order and not tape.field:
         pytest.skip("values alone")
-    width = row_length(order)
+    width = max(row_length(order), row_length(4))
     text = expansion_ir(tape, states, order, "straight", width) + looped_expansion_ir(tape, states, order, "l", width)
     code = NativeModule(declarations() + text, optimised=False)
     drawn = np.random.default_rng(order)

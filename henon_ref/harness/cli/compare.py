@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from henon_ref.commands import status_line
-from henon_ref.commands.exit_status import DONE, exit_status, parsed, writing_into
+from henon_ref.commands.exit_status import DONE, command_of, writing_into
 from henon_ref.commands.typer_app import FLAG, Cases, application, examples, path_of
 from henon_ref.text import listed
 from henon_ref.workers import ONE_THREAD
@@ -180,13 +180,7 @@ def _begin_server(*, figures: bool) -> None:
     begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
 
 
-def command(arguments: Sequence[str] | None = None, *, served: bool = False) -> int:
-    """Run the command and return its exit status; an error is reported in one message on standard error."""
-
-    def act() -> int:
-        return int(parsed(app, arguments, name="compare", obj=served))
-
-    return exit_status(act, name="compare", arguments=arguments, kept=KEPT)
+command = command_of(app, "compare", kept=KEPT)
 
 
 def program(arguments: Sequence[str] | None = None) -> int:
@@ -194,6 +188,6 @@ def program(arguments: Sequence[str] | None = None) -> int:
     # A run has one thread, and threads of BLAS would disturb the timings. NumPy, which is imported later, reads these.
     for name, value in ONE_THREAD.items():
         os.environ.setdefault(name, value)
-    status = command(arguments, served=True)
+    status = command(arguments, obj=True)
     gc.freeze()  # skips the garbage collection at exit, which takes a tenth of the time of a short comparison
     return status

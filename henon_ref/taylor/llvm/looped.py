@@ -71,20 +71,25 @@ class _LoopedExpansion:
         self.outputs = [each for _, each in _grouped(outputs, lambda at: self.found[at][0])]
         self.columns: dict[int, int] = {}
         """Column of ``S`` of each series; first those in the rows of ``C``."""
-        for group in (self.states[len(shapes.rates) :], *self.rates, *self.outputs, *self.nodes):
-            if group in self.nodes:  # neighbours are to read neighbours
-                group.sort(key=lambda at: [self.columns.get(each, 0) for each in self.found[at][1].series])
+        for group in (self.states[len(shapes.rates) :], *self.rates, *self.outputs):
             self.columns |= {at: len(self.columns) + i for i, at in enumerate(group)}
-        stride = max(len(self.columns), LANES)
-        self.stride = stride + 4 * (stride % 8 == 0)  # otherwise the numbers of a column are in few sets of the cache
+        for group in self.nodes:  # in the order of what they read, so that neighbours read neighbours
+            group.sort(key=lambda at: [self.columns.get(each, 0) for each in self.found[at][1].series])
+            self.columns |= {at: len(self.columns) + i for i, at in enumerate(group)}
+        self.stride = max(len(self.columns), LANES)
+        """Distance from one row of ``S`` to the next, in doubles."""
+        if self.stride % 8 == 0:
+            self.stride += 4  # otherwise the numbers of a column are in few sets of the cache
         found = {shape for shape, _ in self.found.values()}
         self.pieces = {shape: OneNode(shape, order, self.stride).pieces() for shape in found}
+        self.straight = {shape: [*map(can_be_in_lanes, pieces.lines)] for shape, pieces in self.pieces.items()}
+        """Whether the code of a piece can be in lanes."""
         self.memory = self.stride * max([1, *(pieces.room for pieces in self.pieces.values())])
         """Number of doubles of ``S`` allocated so far."""
         self.totals: dict[Factors, int] = {}
         """Place in ``S`` of each sum of constants."""
         self.passes: dict[tuple[int, bool], dict[Arranged, str]] = {}
-        """Results of :meth:`_passes`, by the first series of the group."""
+        """Results of :meth:`_passes`, by the first series of the group and whether lanes are used."""
 
     def text(self) -> str:
         self._constants()
@@ -109,7 +114,7 @@ class _LoopedExpansion:
     def _loop(
         self, key: Hashable, pointers: Pointers, lines: Callable[[], Iterable[str]], table: str, states: str = "%C"
     ) -> None:
-        """Add a call of a loop over a table, and write its function if it does not exist yet; ``states``: its %C."""
+        """Add a call of a loop over a table, and write its function if there is none; ``states`` is passed as %C."""
         if key not in self.functions:
             self.functions[key] = f"{self.name}.{len(self.functions)}"
             self.globals.append(_loop_ir(self.functions[key], pointers, list(lines())))
@@ -148,26 +153,26 @@ class _LoopedExpansion:
 
     def _piece(self, group: Sequence[int], k: int) -> None:
         shape, _ = self.found[group[0]]
-        self._for_all(group, k, self.pieces[shape].lines[k])
+        self._for_all(group, k, self.pieces[shape].lines[k], self.straight[shape][k])
 
-    def _for_all(self, group: Sequence[int], key: Hashable, lines: list[str]) -> None:
-        """Call the code of one series, ``lines``, for all series of a group."""
-        for arranged, table in self._passes(group, can_be_in_lanes(lines)).items() if lines else ():
+    def _for_all(self, group: Sequence[int], key: Hashable, lines: list[str], straight: bool) -> None:
+        """Call the code of one series, ``lines``, for all series of a group; in lanes if it is ``straight``."""
+        for arranged, table in self._passes(group, straight).items() if lines else ():
             pointers = _pointers("S" * (1 + sum(map(len, self.found[group[0]][1]))))
             write = partial(in_lanes, lines, arranged) if arranged else lines.copy
             self._loop((self.found[group[0]][0], key, arranged), pointers, write, table)
 
-    def _passes(self, group: Sequence[int], in_lanes: bool) -> dict[Arranged, str]:
+    def _passes(self, group: Sequence[int], straight: bool) -> dict[Arranged, str]:
         """Tables of the passes over a group, by the arrangement of the operands in the lanes.
 
         The last pass repeats series if necessary; where the operands of neighbours are apart, a pass is for one series.
         """
-        key = group[0], in_lanes
+        key = group[0], straight
         if key not in self.passes:
             rows: dict[Arranged, list[list[int]]] = {}
             for first in range(0, len(group), LANES):
                 now = [self._places(at) for at in group[max(min(first, len(group) - LANES), 0) :][:LANES]]
-                arranged = arrangement(now) if in_lanes and len(now) == LANES else ()
+                arranged = arrangement(now) if straight and len(now) == LANES else ()
                 found = now[:1] if arranged else map(self._places, group[first : first + LANES])
                 rows.setdefault(arranged, []).extend(found)
             self.passes[key] = {arranged: self._table(found) for arranged, found in rows.items()}
@@ -193,7 +198,7 @@ class _LoopedExpansion:
         """Compute the numbers after the rows: largest last and last but one coefficient, sum of all, longest step."""
         shapes, order, stride = self.shapes, self.order, self.stride
         for group in self.rates:
-            self._for_all(group, "norms", state_lines(order, stride))
+            self._for_all(group, "norms", state_lines(order, stride), straight=True)
         norms = len(self.rows) * self.width
         w = IRWriter()
         for i in range(3):

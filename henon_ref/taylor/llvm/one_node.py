@@ -2,7 +2,8 @@
 
 Each order has a piece, which stores the values that later pieces read.
 
-Pointer ``%p0`` is the row that is computed. Further pointers are the rows and numbers that it reads.
+Pointer ``%p0`` is the column that is computed. Further pointers are the columns and numbers that it reads. ``%N`` is
+the array of the norms.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _SHORT = re.compile(r"fneg|fadd|fsub|fmul")
 
 
 class Pieces(NamedTuple):
-    """Lines of each piece, and the number of doubles of memory that the pieces use."""
+    """Lines of each piece, and the number of rows of the matrix that the pieces use."""
 
     lines: list[list[str]]
     room: int

@@ -21,7 +21,7 @@ class Shape:
     op: str
     """Operation of the tape; ``sum``, ``rate`` and ``output`` for linear forms; ``sin of time``, ``cos of time``."""
     series: tuple[tuple[bool, int], ...]
-    """For each series: whether it is a state, and its degree, at most the order."""
+    """For each series: whether it is a state that an output reads, and its degree, at most the order."""
     constants: int
     """Number of constants that are read."""
     args: tuple[int, ...] = ()
@@ -68,7 +68,7 @@ class _Reading:
         return (Factor(1, (len(self.constants) - 1,)),)
 
     def made(self, op: str, **rest: object) -> tuple[Shape, Operands]:
-        series = tuple((at < 0, min(self.degrees[at], self.order)) for at in self.series)
+        series = tuple((at < 0 and op == "output", min(self.degrees[at], self.order)) for at in self.series)
         shape = Shape(op, series, len(self.constants), **rest)  # type: ignore[arg-type]
         return shape, Operands(tuple(self.series), tuple(self.constants))
 

@@ -29,8 +29,8 @@ def check(returned: object) -> Trajectory:
 def test_what_is_plain_stays_the_same_and_a_view_becomes_a_tuple():
     given = trajectory(found())
     assert check(given) == given
-    event = ("stick", 0, (1,), (0,), 0.5, (0.25,), 0.0)
-    assert check(trajectory(Transitions([event] * 3, "theirs"))).transitions == (Transition(*event, "theirs"),) * 3
+    event = ("stick", 0, (1,), (0,), 0.5, (0.25,), 0.0, "theirs")
+    assert check(trajectory(Transitions([event] * 3))).transitions == (Transition(*event),) * 3
 
 
 class Text(str):
