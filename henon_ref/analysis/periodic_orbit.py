@@ -97,7 +97,8 @@ def periodic_orbit(
 def _autonomous(problem: Problem, run: Trajectory, late: float, radius: float) -> PeriodicOrbit:
     """Return the orbit of an autonomous system, with the period measured from ``late`` on."""
     if any(e.has(TIME) for e in problem.system.expressions):
-        raise ArgumentError("time is in the equations or in 'valid': give the forcing's period, as in period='2*pi/w'")
+        where = "the equations or 'valid'"
+        raise ArgumentError(f"time is in {where}: give the period of the forcing, as in period='2*pi/w'")
     repeated = measured_period(run.transitions, after=late)
     advice = "give a later 'until', or it is not periodic"
     if not any(t.time > late for t in run.transitions):
