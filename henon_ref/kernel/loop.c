@@ -49,13 +49,10 @@ static inline struct look accepted_step(struct work *w, double theta)
     double last = w->last_steps[run->step_place];
     if (grown && look.final && left <= last) /* the last part before the horizon is no step that has grown */
         grown = false, look.natural = smaller(look.natural, last);
-    bool gaps = false;
-    if (may_have_gaps(w))
-        step_before_gaps(w, rows, look.theta, &gaps);
-    bool unconverged = w->mode->polynomial_degree == 0 && (grown || gaps || tail_unconverged(w, rows, look.theta));
+    bool unconverged = w->mode->polynomial_degree == 0 && (grown || w->gaps || tail_unconverged(w, rows, look.theta));
     if (!unconverged && !w->mode->slopes)
         return look;
-    double accepted = validated_step(w, look.theta, grown, gaps, unconverged);
+    double accepted = validated_step(w, look.theta, grown, unconverged);
     if (accepted < look.theta) {
         look.cut = w->mode->guards_branch > 0 && accepted < SHARP_CUT * look.theta;
         look.theta = accepted, look.final = false;

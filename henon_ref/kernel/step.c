@@ -123,10 +123,10 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
                 continue;
             }
         }
-        bool gaps = false;
+        w->gaps = false;
         if (may_have_gaps(w)) {
-            double before = step_before_gaps(w, rows, smaller(theta, left / unit), &gaps);
-            theta = gaps ? smaller(theta, before) : theta;
+            double before = step_before_gaps(w, rows, smaller(theta, left / unit), &w->gaps);
+            theta = w->gaps ? smaller(theta, before) : theta;
         }
         if (shrunk) {
             theta = smaller(theta, 1e6);
@@ -140,7 +140,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         if (raised != 0 && out_of_range(w, raised, smaller(theta, left / unit)))
             return OUT_OF_RANGE;
         *proposed = theta;
-        if (alone || gaps || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
+        if (alone || w->gaps || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
             return ON;
         w->mode->step_end(theta, w->c, w->change);
         for (int64_t g = 0; g < guards; g++)

@@ -136,9 +136,12 @@ static double size_of_terms(const double *row, int64_t first, int64_t order, dou
  *
  * Terms in a gap are zero, or rounding: then a gap is shorter than four terms, as in a sine at a right angle.
  */
-static int64_t last_before_gap(const double *row, int64_t order, double theta)
+static inline int64_t last_before_gap(const double *row, int64_t order, double theta, double inverse)
 {
-    double later = larger(fabs(row[order]) * theta, fabs(row[order - 1])), power = 1.0, inverse = 1.0 / theta;
+    double later = larger(fabs(row[order]) * theta, fabs(row[order - 1])), power = 1.0;
+    double earlier = larger(fabs(row[order - 2]), fabs(row[order - 3]) * inverse) * inverse;
+    if (0.0 < earlier && GAP_RATIO * earlier <= later) /* most rows */
+        return 0;
     int not_zero = 0;
     for (int64_t k = order - 2; k > 2 && not_zero < 2; k--) {
         power *= inverse;
@@ -170,10 +173,11 @@ static inline bool may_have_gaps(const struct work *w)
 static double step_before_gaps(const struct work *w, int64_t rows, double theta, bool *gaps)
 {
     int64_t order = w->run->order;
+    double within = smaller(theta, 1.0), inverse = 1.0 / within;
     *gaps = false;
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
-        int64_t last = last_before_gap(row, order, smaller(theta, 1.0));
+        int64_t last = last_before_gap(row, order, within, inverse);
         for (double longer = INFINITY; last > 0 && theta < 0.5 * longer;) {
             double least = w->run->tolerance * size_of_terms(row, 0, last - 1, theta);
             longer = theta;

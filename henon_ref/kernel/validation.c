@@ -212,7 +212,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  * "unconverged": the terms are examined first. While they grow the step is shortened until they decrease, so that it
  * ends within their circle of convergence. Terms that are zero or end in a gap do not prove convergence (those of a
  * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown"), or
- * if some series has a gap ("gaps").
+ * if some series has a gap.
  *
  * Then the expansion is compared with new ones, at the end of the step and within it, if some terms do not prove
  * convergence, or if the field or a guard has branch points ("slopes" is not null). Beyond a branch point the series of
@@ -221,7 +221,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  * branch points are not compared if all terms decrease, and on a step much shorter than the last one their differences
  * are ignored, because rounding alone may change a guard next to zero.
  */
-static double validated_step(const struct work *w, double theta, bool grown, bool gaps, bool unconverged)
+static double validated_step(const struct work *w, double theta, bool grown, bool unconverged)
 {
     const struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards, order = run->order;
@@ -231,7 +231,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         const double *row = row_of(w, r);
         if (r >= run->states && w->faint[r - run->states] != 0)
             continue;
-        enum tail tail = tail_shape(row, order, theta, grown || gaps ? 0.0 : EPS);
+        enum tail tail = tail_shape(row, order, theta, grown || w->gaps ? 0.0 : EPS);
         if (tail == NOT_DECREASING) {
             while (tail_shape(row, order, theta, EPS) == NOT_DECREASING)
                 theta *= SHORTER;
@@ -240,7 +240,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         decreasing = decreasing && tail == DECREASING;
     }
     double relative = AGREEMENT;
-    if (gaps)
+    if (w->gaps)
         relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
     expand_code slopes = decreasing ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
