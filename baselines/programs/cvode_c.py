@@ -113,7 +113,10 @@ def program_for(equations: str) -> Path:
 
 @cache
 def _compiler_version(path: str) -> str:
-    return (command_output(path, "--version") or "").partition("\n")[0]
+    version = command_output(path, "--version")
+    if version is None:
+        raise UnavailableError(f"the compiler {path} does not tell its version")
+    return version.partition("\n")[0]
 
 
 def compile_program(texts: Mapping[str, str], program: Path) -> None:

@@ -156,8 +156,8 @@ static inline int64_t last_before_gap(const double *row, int64_t order, double t
 
 /* Check whether a series may end in a gap: at the start and after an event, where a state may be symmetric.
  *
- * A pendulum that is released at a right angle has only every fourth coefficient; t^5, at t = 0, only every tenth of
- * its sine. The last two terms then limit no step.
+ * The series of a pendulum that is released at a right angle has only every fourth coefficient, that of sin(t^5) at
+ * t = 0 only every tenth. The last two terms then limit no step.
  */
 static inline bool may_have_gaps(const struct work *w)
 {

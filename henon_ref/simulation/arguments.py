@@ -7,6 +7,7 @@ from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from henon_ref.casefile.schema import check_form
 from henon_ref.errors import ArgumentError, HenonRefError
@@ -116,3 +117,22 @@ def stop_of(system: System, stop: Mapping[Any, Any]) -> tuple[int, int]:
             raise ArgumentError(f"'{names[index]}' is beyond the first {STOPS} surfaces, on which a run can be stopped")
         bits[direction] |= 1 << index
     return bits["falling"], bits["rising"]
+
+
+def numbers(given: Any, what: str) -> NDArray[np.float64]:
+    """Return finite numbers as a one-dimensional array; ArgumentError if they are not."""
+    if isinstance(given, str | bytes | Mapping):
+        raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
+    try:
+        array = np.asarray(given if hasattr(given, "__len__") else list(given))
+        if array.dtype.kind in "bcmM" or np.ma.is_masked(given):  # NumPy would make numbers of these
+            raise TypeError
+        values = np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise ArgumentError(f"{what} is {str(given)[:60]}; wanted a list or array of numbers") from None
+    if values.ndim != 1:
+        raise ArgumentError(f"{what} has the shape {values.shape}; wanted a list or array of numbers")
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if wrong.size:
+        raise ArgumentError(f"{what} holds {values[wrong[0]]} at place {wrong[0] + 1}; a number must be finite")
+    return values

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.simulation.arguments import whole_number
+from henon_ref.simulation.arguments import numbers, whole_number
 from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import MOST_NUMBERS, Vector, check_size, read_table
@@ -219,25 +219,6 @@ def check_names(names: Sequence[str], system: System) -> None:
             )
         if name in OWN_COLUMNS:
             raise ArgumentError(f"'{name}' is a column of the result; rename the parameter or state")
-
-
-def numbers(given: Any, what: str) -> Vector:
-    """Return finite numbers as a one-dimensional array; ArgumentError if they are not."""
-    if isinstance(given, str | bytes | Mapping):
-        raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
-    try:
-        array = np.asarray(given if hasattr(given, "__len__") else list(given))
-        if array.dtype.kind in "bcmM" or np.ma.is_masked(given):  # NumPy would make numbers of these
-            raise TypeError
-        values = np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ArgumentError(f"{what} is {str(given)[:60]}; wanted a list or array of numbers") from None
-    if values.ndim != 1:
-        raise ArgumentError(f"{what} has the shape {values.shape}; wanted a list or array of numbers")
-    wrong = np.flatnonzero(~np.isfinite(values))
-    if wrong.size:
-        raise ArgumentError(f"{what} holds {values[wrong[0]]} at place {wrong[0] + 1}; a number must be finite")
-    return values
 
 
 def _axes(axes: Mapping[str, Any], what: str) -> dict[str, Vector]:

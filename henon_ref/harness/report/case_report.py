@@ -86,7 +86,7 @@ def samples_text(comparison: Comparison) -> str:
 def case_content(comparison: Comparison) -> dict[str, Any]:
     """Collect the data of a case for the HTML page, except its rows: tags, source, stories and portraits."""
     stories = {result.reading.name: one_line(result.reading.story or "") for result in comparison.readings}
-    motions = [(result.reading, motion_in(result)) for result in comparison.readings]
+    motions = [(result.reading, motion_in(result.samples, result.expected)) for result in comparison.readings]
     tags = dict.fromkeys(tag for result in comparison.readings for tag in result.reading.tags)
     return {
         "schema": names.SCHEMA,

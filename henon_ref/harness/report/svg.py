@@ -16,6 +16,7 @@ from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.figures import draw_cost, draw_errors
 from henon_ref.harness.score.reference import Expected
+from henon_ref.trajectory import Samples
 from henon_ref.workers.worker import Job, WorkerState
 
 if TYPE_CHECKING:
@@ -27,13 +28,14 @@ KINDS = ("scene", "portrait", "modes", "errors", "cost")
 
 def figure_job(result: ReadingResult, records: list[Record]) -> Job:
     """Return the job that draws the figures of one reading."""
-    return Job(draw_figures, (result.reading, result.expected, motion_in(result), records), 120.0)
+    return Job(draw_figures, (result.reading, result.expected, result.samples, records), 120.0)
 
 
 def draw_figures(
-    state: WorkerState, reading: Reading, expected: Expected | None, motion: Motion | None, records: list[Record]
+    state: WorkerState, reading: Reading, expected: Expected | None, samples: Samples | None, records: list[Record]
 ) -> dict[str, bytes]:
     """Job: draw the figures of one reading; return contents by file name."""
+    motion = motion_in(samples, expected)
     drawn: dict[str, Figure | None] = {}
     if reading.scene is not None:
         drawn["scene"] = draw_scene(reading.scene)
@@ -46,11 +48,9 @@ def draw_figures(
     return {file_name(reading.name, kind): svg(figure) for kind, figure in drawn.items() if figure is not None}
 
 
-def motion_in(result: ReadingResult) -> Motion | None:
+def motion_in(samples: Samples | None, expected: Expected | None) -> Motion | None:
     """Return the sampled motion of a reading between its exact transitions; None if it is not known."""
-    if result.samples is None or result.expected is None:
-        return None
-    return motion_of(result.samples, result.expected.transitions)
+    return None if samples is None or expected is None else motion_of(samples, expected.transitions)
 
 
 def file_name(reading: str, kind: str) -> str:
