@@ -16,6 +16,7 @@ from typing import Any, cast
 
 import numpy as np
 import sympy as sp
+from flint import arb
 
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
@@ -23,10 +24,12 @@ from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Pair, exact_expression, pair_of_exact
 from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, Workspace, written
 from henon_ref.kernel.shared import doubles, ffi, integers, kernel
-from henon_ref.modes.mode import replaced
+from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import REMAINING
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.precision import working_precision
+from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status, Trajectory
 
 NO_LIMIT = 1 << 62
@@ -275,7 +278,7 @@ def _decided(
     constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None], given: Mapping[int, int]
 ) -> Trajectory | None:
     """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
-    from henon_ref.modes.selection import contact_orders, mode_by_signs  # rarely needed
+    from henon_ref.modes.selection import contact_orders, mode_by_signs, stays  # rarely needed
 
     table, system = constants.table, constants.table.system
     count, t = len(system.surfaces), workspace.run.time
@@ -304,4 +307,27 @@ def _decided(
         orders, first = contact_orders(at, decision.mode, active, edges), STATE_PLACE + 3 * len(x)
         zeros = [orders[place] if place >= 0 else 0 for place in table.places(decision.mode)]
         workspace.state[first : first + len(zeros)].view(np.int64)[:] = zeros
+        for guard, order in zip(system.guards(decision.mode), orders, strict=True):
+            i = guard.index
+            if guard.kind == "surface" and i in active and (order > 1 or stays(at, decision.mode, i)):
+                _record_rounding(constants, workspace, decision.mode, i)
     return None
+
+
+def _record_rounding(constants: ModeConstants, workspace: Workspace, mode: Mode, index: int) -> None:
+    """Record that a surface on which a run starts is below its rounding, if its function is zero along the motion.
+
+    A function that no rounding of the states changes (x at x = 0) is left out.
+    """
+    from henon_ref.modes.selection import stays
+
+    run, system = workspace.run, constants.table.system
+    high, low = workspace.state[STATE_PLACE : STATE_PLACE + 2 * len(system.states)].reshape(2, -1).tolist()
+    rounded = {symbol for symbol, x in zip(system.states, high, strict=True) if x}
+    if rounded.isdisjoint(system.surfaces[index].free_symbols):
+        return
+    with working_precision(BITS):
+        state = [arb(x) + arb(rest) for x, rest in zip(high, low, strict=True)]
+        if stays(constants.precise.in_balls.at(arb(run.time) + arb(run.time_low), state), mode, index):
+            workspace.since[kernel.rounding_place(False, index, len(workspace.since))] = run.time
+            run.below_rounding += 1

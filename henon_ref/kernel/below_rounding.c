@@ -160,8 +160,9 @@ static double lowest_ahead(const struct work *w, int64_t guard, double theta)
 
 /* Check whether a guard that is below zero where a step begins (hits) falls further by more than rounding.
  *
- * Guards that do not are removed from the hits, and faint on this step. If "undecidable", none does: a guard that is a
- * constant of the motion drifts by the errors of the steps, which are larger than rounding.
+ * Guards that do not are removed from the hits, and faint on this step. A guard that stays zero does not fall; it is
+ * decided if rounding does not change it. If "undecidable", no guard falls: a guard that is a constant of the motion
+ * drifts by the errors of the steps, which are larger than rounding.
  */
 static bool fails_beyond_rounding(struct work *w, double natural, bool undecidable)
 {
@@ -169,11 +170,13 @@ static bool fails_beyond_rounding(struct work *w, double natural, bool undecidab
     double theta = length_looked_at(w, natural);
     for (int64_t g = 0; g < w->mode->guards; g++)
         if (w->hits[g] == 1) {
-            double noise = guard_noise(w, g, theta);
-            bool still = stands_still(w, g, natural);
-            if (still || undecidable || (noise > 0.0 && -lowest_ahead(w, g, theta) <= noise)) {
+            bool zero = size_of_terms(guard_row(w, g), 0, w->run->order, 1.0) == 0.0;
+            bool known = zero && *since_of(w, g) <= w->run->time;
+            bool still = known || stands_still(w, g, natural);
+            double noise = still ? 0.0 : guard_noise(w, g, zero ? 1.0 : theta); /* theta may be infinite */
+            if (still || undecidable || zero || (noise > 0.0 && -lowest_ahead(w, g, theta) <= noise)) {
                 w->hits[g] = 0, w->faint[g] = 1;
-                if (!still)
+                if (!still && (noise > NO_ACCOUNT || !zero))
                     passed_over(w, g, 0.0);
             } else {
                 found = true;

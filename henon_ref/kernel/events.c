@@ -163,7 +163,7 @@ static inline struct event first_event(struct work *w, double theta, double natu
  * "surface": the guard may be that of a surface being left. "fails": the guard is below zero and its surface is not
  * being left, so that the mode is not consistent. The side of a surface was decided when the surface was left, and no
  * root followed, so a value below zero is rounding (another event followed at once): if the guard rises, with a speed
- * or tangentially, nothing needs a decision. A guard that is zero and stays zero does not fall through zero.
+ * or tangentially, nothing needs a decision. A guard that is zero and stays zero fails, too: rounding may be the reason.
  */
 static int64_t below_zero(const double *row, int64_t order, bool surface, bool *fails)
 {
@@ -175,7 +175,7 @@ static int64_t below_zero(const double *row, int64_t order, bool surface, bool *
         return 1;
     if (surface && fabs(row[1]) <= TANGENT * size && row[2] > 0.5 * size)
         return 2;
-    *fails = fabs(row[0]) + size != 0.0;
+    *fails = true;
     return 0;
 }
 

@@ -260,3 +260,46 @@ def test_a_constant_of_the_motion_ends_no_run(energy: str, field: list[str], sta
     exact = sp.lambdify(["x", "v"], energy.replace("^", "**"))
     assert run.status == "ok"
     assert exact(*run.y) == pytest.approx(0, abs=1e3 * rtol)
+
+
+@pytest.mark.parametrize("rtol", [10.0**-k for k in range(3, 14)])
+def test_a_function_that_rounding_makes_zero_is_told(rtol: float) -> None:
+    """v - 1 = -exp(-10 t) (1 + 1e-18) + 1e-18 reaches 0, and sticks, at 1.8 ln 10 s; 1 + 1e-17/10 is 1 in doubles."""
+    for field in (["-10*(v - 1) - s/10^17"], ["-10*(v - 1)"]):
+        system = hr.System(["v", "x"], {}, {"s": "v - 1"}, [*field, "v"])
+        run = hr.simulate(system, {"v": 0, "x": 0}, until=10, rtol=rtol)
+        assert (run.status, kinds(run)) == ("ok", [])
+        assert 3.5 < run.undecided_after["s"] < 4.1
+
+
+CONSTANTS = [
+    ("v^2/2 - cos(x)", ["v", "-sin(x)"], {"x": "pi/2", "v": 0}),
+    ("v^2/2 - cos(x) + 1/2", ["v", "-sin(x)"], {"x": "pi/3", "v": 0}),
+    ("x^2 + v^2 - 1", ["v", "-x"], {"x": 1, "v": 0}),
+    ("x^2 + v^2 - 1", ["v", "-x"], {"x": "3/5", "v": "4/5"}),
+    ("v^2/2 + x^2/2 + x^4/4 - 3/4", ["v", "-x - x^3"], {"x": 1, "v": 0}),
+    ("x - v", ["v", "x"], {"x": "1/3", "v": "1/3"}),
+]
+
+
+@pytest.mark.parametrize("rtol", [10.0**-k for k in range(3, 14)])
+@pytest.mark.parametrize(("energy", "field", "start"), CONSTANTS)
+def test_a_constant_of_the_motion_is_undecided_from_its_start(
+    energy: str, field: list[str], start: dict, rtol: float
+) -> None:
+    run = hr.simulate(hr.System(["x", "v"], {}, {"s": energy}, field), start, until=5, rtol=rtol)
+    assert (run.status, run.undecided_after) == ("ok", {"s": 0.0})
+
+
+@pytest.mark.parametrize(
+    ("surface", "field", "start"),
+    [
+        ("v", ["1", "0"], (0, 0)),  # zero in exact arithmetic, whatever the rounding of x
+        ("x", ["v", "-x"], (0, 0)),
+        ("x - 1", ["v", "-x"], (1, 0)),  # the start of a fall
+        ("x - 1/3", ["v", "v"], ("1/3", "1e-9")),
+    ],
+)
+def test_a_start_on_a_surface_that_is_decided_is_not_undecided(surface: str, field: list[str], start: tuple) -> None:
+    run = hr.simulate(hr.System(["x", "v"], {}, {"s": surface}, field), dict(zip("xv", start, strict=True)), until=3)
+    assert (run.status, run.undecided_after) == ("ok", {})
