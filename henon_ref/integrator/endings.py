@@ -144,7 +144,7 @@ def _same(
     """Whether a series equals its exact value on a step of theta units, up to ``level`` and rounding."""
     powers = [theta**k for k in range(len(exact))]
     off = sum((abs(arb(c) - own) * p for c, own, p in zip(found, exact, powers, strict=True)), arb(0))
-    size = sum((abs(own) * p for own, p in zip(exact[:3], powers, strict=False)), arb(0))
+    size = sum((abs(own) * p for own, p in zip(exact, powers, strict=True)), arb(0))
     if off <= level * size + arb(rounding):
         return True
     same_sign = found[0] > 0 if exact[0] > 0 else found[0] < 0 if exact[0] < 0 else found[0] == 0

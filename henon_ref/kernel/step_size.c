@@ -92,8 +92,8 @@ static void mark_faint(const struct work *w)
     }
 }
 
-/* step_size for guards that have more than two known zeros, or are only rounding: the size of such a guard is taken
- * from its terms after the known zeros, and is at least the rounding of its own operations. */
+/* step_size for guards that have more than two zeros, or are only rounding: the size of such a guard is taken from its
+ * terms after the known zeros and after terms that are zero, and is at least the rounding of its own operations. */
 static double flat_step_size(const struct work *w, int64_t rows)
 {
     const struct run *run = w->run;
@@ -103,6 +103,8 @@ static double flat_step_size(const struct work *w, int64_t rows)
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
+        while (r >= n && row[first] == 0.0 && first < order - 4)
+            first += 1;
         double theta = 1.0, least = r >= n && w->ahead[r] < INFINITY ? w->ahead[r] : 0.0;
         for (int step = 0; step < 4; step++) {
             double size = fabs(row[first]) + theta * (fabs(row[first + 1]) + theta * fabs(row[first + 2]));

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from often import daily
 from problems import make_problem
 from runs import kinds, run, times
+
+import henon_ref as hr
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-13])
@@ -105,3 +109,19 @@ def test_a_touch_next_to_a_root_is_seen_wherever_the_halving_falls(rtol: float) 
     result = run(make_problem("x", ["1"], {"s": surface}, [0], "7/2 + 9/10**10"), rtol)
     assert kinds(result) == ["crossing", "graze", "crossing"]
     assert times(result) == pytest.approx([2, 2.5, 2.5 + 9e-10], rel=1e-12)
+
+
+@pytest.mark.parametrize("rtol", [3e-3, 1e-3, 1e-4, 1e-7, 1e-9, 1e-12])
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [("x", "x^3"), ("x", "x^3 + x^5"), ("x", "x*(1 + x^2)"), ("x - v", "(x - v)^3"), ("x^5", "x^3"), ("x^3", "x^3")],
+)
+def test_a_surface_and_a_power_of_it_cross_together(a: str, b: str, rtol: float) -> None:
+    """x = cos t, so x - v = sqrt(2) cos(t - pi/4): one crossing of each surface every pi."""
+    system = hr.System(["x", "v"], {}, {"a": a, "b": b}, ["v", "-x"])
+    found = hr.simulate(system, {"x": 1, "v": 0}, until=25, rtol=rtol)
+    assert (found.status, set(found.transitions.kind)) == ("ok", {"crossing"})
+    first = math.pi * (3 / 4 if "v" in a else 1 / 2)
+    for surface in ("a", "b"):
+        at = found.transitions.time_s[found.transitions.surface == surface].to_list()
+        assert at == pytest.approx([first + k * math.pi for k in range(8)], abs=rtol ** (1 / 5))
