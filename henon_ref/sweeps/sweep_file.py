@@ -73,8 +73,6 @@ class SweepForm(Form):
 
 
 T = TypeVar("T")
-CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "resets", "initial", "until")
-"""Keys that sweep files and case files have in common."""
 POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
