@@ -12,6 +12,7 @@
 #include "roots.c"
 #include "landing.c"
 #include "double_double.c"
+#include "pair_functions.c"
 #include "pair_series.c"
 
 #include "compensated_time.c"
