@@ -109,9 +109,10 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
     struct run *run = w->run;
     double unit = run->unit, step = part * unit;
     if (event->guard >= 0) {
-        for (int64_t g = 0; g < w->mode->guards; g++)
-            w->hits[g] = (g == event->guard || at_zero(w, g, part)) && w->faint[g] == 0 ? 1 : 0;
         w->mode->step_end(part, w->c, w->change);
+        for (int64_t g = 0; g < w->mode->guards; g++)
+            w->hits[g] = w->faint[g] == 0
+                         && (g == event->guard || (!above_zero_by_bound(w, g) && at_zero(w, g, part)));
     }
     if (run->dense && part > 0.0)
         record_step(w, step);
