@@ -178,6 +178,8 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
             break
     if decision.status == "none" and one_of is _of_all:
         decision = _staying_mode(at, mode, active) or decision
+    if decision.mode is None and system.observed.issuperset(active):  # no motion depends on these entries
+        return Decision("unique", with_entries(mode, active, [mode[i] or 1 for i in active]))
     rates = zip(system.state_names, system.field, strict=True) if decision.status == "none" else ()
     if names := [name for name, rate in rates if at.values((rate,), mode) is None]:
         reason = f"no mode is consistent at t = {at.when}: the field of {listed(names)} is not finite there"

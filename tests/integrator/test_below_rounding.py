@@ -303,3 +303,13 @@ def test_a_constant_of_the_motion_is_undecided_from_its_start(
 def test_a_start_on_a_surface_that_is_decided_is_not_undecided(surface: str, field: list[str], start: tuple) -> None:
     run = hr.simulate(hr.System(["x", "v"], {}, {"s": surface}, field), dict(zip("xv", start, strict=True)), until=3)
     assert (run.status, run.undecided_after) == ("ok", {})
+
+
+@pytest.mark.parametrize("rtol", [2e-3, 1e-3, 2e-7, 1e-7, 1e-10])
+def test_a_section_ends_no_run(rtol: float) -> None:
+    """The energy of a circular orbit drifts by more than rounding, and its sign is in no force."""
+    energy = "(u^2 + w^2)/2 - 1/sqrt(x^2 + y^2) + 1/2"
+    orbit = hr.System(["x", "y", "u", "w"], {}, {"s": energy}, ["u", "w", *(f"-{x}/(x^2 + y^2)^(3/2)" for x in "xy")])
+    run = hr.simulate(orbit, {"x": 1, "y": 0, "u": 0, "w": 1}, until=2, rtol=rtol)
+    assert (run.status, run.undecided_after) == ("ok", {"s": 0.0})
+    assert run.y[:2, -1] == pytest.approx([math.cos(2), math.sin(2)], abs=10 * rtol)
