@@ -180,12 +180,12 @@ class Stepper:
     def _trusted(self, step: Step) -> bool:
         """Check whether the polynomials approximate the solution on the whole step.
 
-        heyoka chooses the length from the last two coefficients, which are then of the size of rounding. If a symmetry of
-        the state makes them zero, those before them may be large: the step is too long. heyoka also assumes that later
-        coefficients are smaller. If a drive is almost constant at first (a pulse in the far future, with tiny
+        heyoka chooses the length from the last two coefficients, which are then of the size of rounding. If a symmetry
+        of the state makes them zero, those before them may be large: the step is too long. heyoka also assumes that
+        later coefficients are smaller. If a drive is almost constant at first (a pulse in the far future, with tiny
         derivatives now), later coefficients are larger, and the step would miss the pulse. For rows whose coefficients
-        do not decrease, Lagrange's remainder of order ``series.ORDER`` is therefore enclosed over the step; accepted are
-        1000 times the solution's change on the step, and rounding.
+        do not decrease, Lagrange's remainder of order ``series.ORDER`` is therefore enclosed over the step; accepted
+        are 1000 times the solution's change on the step, and rounding.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
         size = max(1.0, float(np.abs(step.rough[:, 0]).max()))
