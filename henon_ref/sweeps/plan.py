@@ -114,7 +114,8 @@ def planned(
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     check_names(points.names, system)
     given, until, start, mode = start_of(system, initial, until, start, mode)
-    if not isinstance(given, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
+    is_whole = isinstance(given, Mapping) and {*map(str, given)} >= {*system.state}
+    if not is_whole or (mode is not None and not isinstance(mode, Mapping)):
         problem_of(system, given, until=until, start=start, mode=mode)  # raises the error for it
     named = {str(name): value for name, value in given.items()}
     most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)

@@ -83,6 +83,7 @@ def test_without_observations_there_is_the_status() -> None:
         {"grid": 3},
         {"grid": {"t": [0]}},
         {"initial": {"x": 1}},
+        {"initial": {"x": 1}, "grid": {"v": [0, 1]}},
         {"initial": {"x": 1, "v": 0, "w": 0}},
         {"initial": {"x": 1, "v": float("inf")}},
         {"initial": 3},
