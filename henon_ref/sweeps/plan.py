@@ -113,6 +113,8 @@ def planned(
     if not isinstance(system, System):
         raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
     check_names(points.names, system)
+    if points.chain > 1 and points.names[-1] in system.state:
+        raise ArgumentError(f"'{points.names[-1][:60]}' of 'along' is a state; wanted a parameter")
     given, until, start, mode = start_of(system, initial, until, start, mode)
     is_whole = isinstance(given, Mapping) and {*map(str, given)} >= {*system.state}
     if not is_whole or (mode is not None and not isinstance(mode, Mapping)):

@@ -82,6 +82,7 @@ def test_without_observations_there_is_the_status() -> None:
         {"grid": {"vb": []}},
         {"grid": 3},
         {"grid": {"t": [0]}},
+        {"grid": hr.points.continuation({"x": [0, 1]})},
         {"initial": {"x": 1}},
         {"initial": {"x": 1}, "grid": {"v": [0, 1]}},
         {"initial": {"x": 1, "v": 0, "w": 0}},
