@@ -98,9 +98,10 @@ def test_a_run_that_cannot_begin_has_none() -> None:
 def test_a_run_that_blows_up_has_extremes() -> None:
     """x = 1/(1 - p t): steps shrink below the last place of the time."""
     system = hr.System(["x"], {"p": 1}, {"s": "x + 5"}, ["p*x^2"])
-    least, largest = extremes(system, {"x": 1}, 5, {"p": [1.0, 0.5]}, "x")
-    assert least.tolist() == [1, 1]
-    assert np.all((largest > 1e100) & (largest < 1e101))
+    table = hr.sweep(system, {"x": 1}, until=5, grid={"p": [1.0, 0.5]}, observe=[hr.observe.extremes("x")], jobs=1)
+    assert table["status"].tolist() == ["diverged", "diverged"]
+    assert table["min_x"].tolist() == [1, 1]
+    assert ((table["max_x"] > 1e100) & (table["max_x"] < 1e101)).all()
 
 
 def test_the_same_bits_however_a_sweep_is_cut() -> None:
