@@ -21,6 +21,7 @@ from henon_ref.errors import ArgumentError, ModelError
 from henon_ref.expressions.traversal import size
 from henon_ref.modes.equations import along as rate_along
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.simulation.arguments import check_system
 from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -202,6 +203,7 @@ def tangent_points(
     >>> [(point.position, point.side, point.visibility) for point in hr.tangent_points(belt)]
     [(1, -1, 'visible'), (-1, 1, 'invisible')]
     """
+    check_system(system)
     if parameters is not None:
         system = system.with_parameters(parameters)
     model, names = system.model, system.model.sign_names

@@ -174,6 +174,8 @@ def parse_case(
     fixed_step: Callable[[str], bool] | None = None,
 ) -> Case:
     """Read a case from text (see :func:`load_case`)."""
+    if not isinstance(text, str):
+        raise CaseError(f"text is {str(text)[:60]!r}, wanted a str")
     return _case(Source(parse_yaml(text, file=file), file), solvers, fixed_step)[0]
 
 

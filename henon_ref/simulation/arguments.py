@@ -23,6 +23,14 @@ STOPS = 63
 """Number of surfaces on which a run can be stopped (the first ones): bits of a positive int64."""
 
 
+def check_system(system: object) -> None:
+    """Raise ArgumentError if a system is not a System."""
+    if not isinstance(system, System):
+        example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
+        meant = ": write scene.system()" if hasattr(system, "system") else example if callable(system) else ""
+        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System{meant}")
+
+
 def start_of(
     system: System, initial: Any, until: Any, start: Any, mode: Mapping[Any, Any] | None
 ) -> tuple[Any, Any, Any, Mapping[Any, Any] | None]:
@@ -63,6 +71,7 @@ def problem_of(
 
     The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid.
     """
+    check_system(system)
     initial, until, start, mode = start_of(system, initial, until, start, mode)
     if parameters is not None:
         system = system.with_parameters(parameters)

@@ -10,13 +10,13 @@ from functools import cached_property
 from threading import Lock
 from typing import Any
 
-from henon_ref.errors import ArgumentError, ModelError
+from henon_ref.errors import ModelError
 from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT, Integrator, Start, local_error, order_for
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
 from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.arguments import problem_of, start_of, stop_of, tolerance_of, whole_number
+from henon_ref.simulation.arguments import check_system, problem_of, start_of, stop_of, tolerance_of, whole_number
 from henon_ref.simulation.quick_start import QuickStart
 from henon_ref.simulation.system import System
 from henon_ref.terminal import notice_if_slow
@@ -59,10 +59,7 @@ def launch(
     max_steps: int,
 ) -> tuple[Integrator, Start]:
     """Read the arguments of :func:`henon_ref.simulate`; ArgumentError if one is invalid."""
-    if not isinstance(system, System):
-        example = ", such as System(['x', 'v'], field=['v', '-x']): the field as text, not a function"
-        meant = ": write scene.system()" if hasattr(system, "system") else example if callable(system) else ""
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System{meant}")
+    check_system(system)
     if start is None and system.own_start is None:
         start = 0
     if type(initial) is not dict or until is None or start is None:

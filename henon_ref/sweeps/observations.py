@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.points import Keep
+from henon_ref.integrator.run_result import KINDS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import Columns
 from henon_ref.sweeps.work import Observation, Runs
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
+RESET = KINDS.index("reset")
 DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 """Direction in which a surface is reached -> sign of the side entered; 0: any."""
 
@@ -136,8 +138,11 @@ class _AtSection(Observation):
         at, before, after = runs.changes(surface)
         came = -orientation * before  # the side that is approached
         wanted = DIRECTIONS[self.direction]
-        reached = (before != 0) & (before != after) & ((came == wanted) | (wanted == 0))
-        at = at[reached & (runs.records["time"][at] >= self.after)]
+        own, run = runs.records[at], runs.run[at]
+        later = (np.diff(own["time"]) > 0) | (np.diff(own["time_low"]) != 0) | (np.diff(run) > 0)
+        jumped = (own["kind"] == RESET) & np.append(later, True)  # of the events of one instant only the last
+        reached = (before != 0) & ((before != after) | jumped) & ((came == wanted) | (wanted == 0))
+        at = at[reached & (own["time"] >= self.after)]
         if self.of in runs.system.model.sign_names:  # a section named after a kink omits its hidden crossings
             at = at[runs.visible[at]]
         return at

@@ -71,8 +71,9 @@ def section(
     ----------
     of : str
         Name of a surface, or an expression in time, states and parameters; the section is its zero set, located as
-        exactly as an event. On a surface, a transition into sticking is a section point, leaving it is not. A section
-        given by the name of a kink omits the crossings hidden by another branch; one given by its expression has them.
+        exactly as an event. On a surface, a transition into sticking is a section point, leaving it is not, and a jump
+        of the state is one, with the state after it. A section given by the name of a kink omits the crossings hidden
+        by another branch; one given by its expression has them.
     after : float
         Earliest time of a point [s].
     direction : str

@@ -15,7 +15,7 @@ import numpy as np
 
 from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT
-from henon_ref.simulation.arguments import problem_of, start_of, tolerance_of, whole_number
+from henon_ref.simulation.arguments import check_system, problem_of, start_of, tolerance_of, whole_number
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import POINTS, problem_at
 from henon_ref.sweeps.points import OWN_COLUMNS, Points, check_names, points_of
@@ -110,11 +110,13 @@ def planned(
     """Check the arguments of a sweep (see :func:`henon_ref.sweeps.sweep.sweep`); HenonRefError if they are invalid."""
     tolerance = tolerance_of(rtol)
     points = points_of(grid)
-    if not isinstance(system, System):
-        raise ArgumentError(f"system is {str(system)[:60]!r}; wanted a System")
+    check_system(system)
     check_names(points.names, system)
+    if points.chain > 1 and points.names[-1] in system.state:
+        raise ArgumentError(f"'{points.names[-1][:60]}' of 'along' is a state; wanted a parameter")
     given, until, start, mode = start_of(system, initial, until, start, mode)
-    if not isinstance(given, Mapping) or (mode is not None and not isinstance(mode, Mapping)):
+    is_whole = isinstance(given, Mapping) and {*map(str, given)} >= {*system.state}
+    if not is_whole or (mode is not None and not isinstance(mode, Mapping)):
         problem_of(system, given, until=until, start=start, mode=mode)  # raises the error for it
     named = {str(name): value for name, value in given.items()}
     most = min(whole_number(max_steps, "max_steps"), NO_LIMIT)

@@ -25,6 +25,20 @@ def test_the_examples_in_the_docstrings(module: str) -> None:
     assert tried.attempted > 2
 
 
+@pytest.mark.parametrize(
+    "analysis",
+    [
+        lambda scene: hr.lyapunov_exponents(scene, {"x": 1}, span=1),
+        lambda scene: hr.periodic_orbit(scene, {"x": 1}, until=1),
+        hr.tangent_points,
+        lambda scene: hr.sweep(scene, {"x": 1}, until=1, grid={"x": [1]}),
+    ],
+)
+def test_a_scene_is_no_system(analysis) -> None:
+    with pytest.raises(hr.ArgumentError, match=r"wanted a System: write scene\.system\(\)"):
+        analysis(hr.Scene())
+
+
 def test_exponents_of_a_damped_oscillator_are_half_the_damping() -> None:
     oscillator = hr.System(["x", "v"], {"c": 0.2}, {"s": "x"}, ["v", "-x - c*v"])
     found = hr.lyapunov_exponents(oscillator, {"x": 1, "v": 0}, span=300, start=5, parameters={"c": "1/2"})

@@ -18,6 +18,11 @@ from henon_ref.harness.rows import TransitionRow
 from henon_ref.modes.switched_field import Release
 
 
+def test_a_case_from_text_needs_text() -> None:
+    with pytest.raises(CaseError, match="text is '3', wanted a str"):
+        parse_case(3)  # type: ignore[arg-type]
+
+
 def test_the_case_file_of_the_contract_is_read() -> None:
     case = parse_case(SLIDE)
     (reading,) = case.readings

@@ -95,6 +95,15 @@ def test_a_run_that_cannot_begin_has_none() -> None:
     assert table["status"][1] != "ok"
 
 
+def test_a_run_that_blows_up_has_extremes() -> None:
+    """x = 1/(1 - p t): steps shrink below the last place of the time."""
+    system = hr.System(["x"], {"p": 1}, {"s": "x + 5"}, ["p*x^2"])
+    table = hr.sweep(system, {"x": 1}, until=5, grid={"p": [1.0, 0.5]}, observe=[hr.observe.extremes("x")], jobs=1)
+    assert table["status"].tolist() == ["diverged", "diverged"]
+    assert table["min_x"].tolist() == [1, 1]
+    assert ((table["max_x"] > 1e100) & (table["max_x"] < 1e101)).all()
+
+
 def test_the_same_bits_however_a_sweep_is_cut() -> None:
     grid = {"x": np.linspace(-2, 2, 23).tolist(), "v": [0.1, 1.1]}
     cuts = [

@@ -103,6 +103,30 @@ def test_a_section_may_be_a_surface_and_is_oriented() -> None:
     assert frames["section"].equals(frames["mirrored"])
 
 
+@pytest.mark.parametrize(("of", "direction"), [("s", "falling"), ("x", "both"), ("-2*x", "rising")])
+def test_each_impact_on_a_section_is_a_point_of_it(of: str, direction: str) -> None:
+    """A ball from 1 m hits the floor at sqrt(2/g), then after flights of 2 e^k sqrt(2/g)."""
+    ball = System(["x", "v"], {"g": 10, "e": 0.8}, {"s": "x"}, ["v", "-g"], resets={"s": {"map": {"v": "-e*v"}}})
+    sections = observe.section(of, direction=direction), observe.section("x", direction="rising", name="none")
+    frames = swept(ball, {"x": 1, "v": 0}, 1.6, {"e": [0.6, 0.8]}, *sections).frames
+    for point, e in enumerate((0.6, 0.8)):
+        own = frames["section"][frames["section"]["point"] == point]
+        times = math.sqrt(0.2) * (np.append(0, np.cumsum(2 * e ** np.arange(1, 12))) + 1)
+        assert own["time_s"].to_numpy() == pytest.approx(times[times < 1.6], rel=1e-9)
+        assert own["v"].to_numpy() == pytest.approx(math.sqrt(20) * e ** np.arange(1, len(own) + 1), rel=1e-9)
+    assert frames["none"].empty
+
+
+def test_an_impact_that_ends_in_a_stick_is_one_point() -> None:
+    """A pushed mass without restitution lands, rests, and is lifted once a period."""
+    mass = System(["x", "v"], {"e": 0}, {"s": "x"}, ["v", "20*sin(t) - 10"], resets={"s": {"map": {"v": "-e*v"}}})
+    table = swept(
+        mass, {"x": 1, "v": 0}, 25, {"x": [1]}, observe.section("s", after=5), observe.period("s", direction="falling")
+    )
+    assert len(table.frames["section"]) == 4
+    assert table["period"][0] == pytest.approx(2 * math.pi, rel=1e-9)
+
+
 def test_the_period_of_an_oscillator_is_known() -> None:
     table = swept(oscillator(), {"x": 1, "v": 0}, 60, {"w": [1, 2]}, observe.period("x"))
     assert table["period"].to_numpy() == pytest.approx([2 * math.pi, math.pi], rel=1e-8)
