@@ -1,15 +1,17 @@
 """Start of a run from plain Python numbers, in microseconds; reading general arguments takes a millisecond.
 
-Parameters that are expressions in other parameters follow changed ones (:func:`following`, :class:`Number`).
+Parameters that are expressions in other parameters follow changed ones (:func:`following`, :class:`Number`). Initial
+values, initial time and horizon may also be text, whose exact value is cached.
 
-Arguments that need the reader (values other than int and float, unknown names, constants that are not finite) are left
-to it (:mod:`henon_ref.simulation.arguments`); it also reports errors.
+Arguments that need the reader (values of other types, unknown names, constants that are not finite) are left to it
+(:mod:`henon_ref.simulation.arguments`); it also reports errors.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from graphlib import TopologicalSorter
@@ -20,12 +22,13 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.errors import ModelError
+from henon_ref.errors import HenonRefError, ModelError
 from henon_ref.expressions.bounds import double_double
+from henon_ref.expressions.operations import names_in
 from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start, run_template
-from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pairs_of
+from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of, pairs_of
 from henon_ref.kernel.shared import kernel
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
@@ -97,6 +100,7 @@ class QuickStart:
         # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
         self._changes, self._constants = lru_cache(64)(self._changes_of), lru_cache(64)(self._made)
+        self._number = lru_cache(1024)(self._number_of)
 
     def __call__(
         self,
@@ -110,10 +114,13 @@ class QuickStart:
         plain = type(initial) is dict and (parameters is None or type(parameters) is dict)
         if not plain or not (mode is None or type(mode) is dict) or len(initial) != len(self._system.state):
             return None
-        point = start, *map(initial.get, self._system.state)
-        numbers = pairs_of((until, *point))
+        point = until, start, *map(initial.get, self._system.state)
+        numbers, as_exact = pairs_of(point), exact_number
         if numbers is None:
-            return None
+            read = self._read(point, parameters)
+            if read is None:
+                return None
+            (point, numbers), as_exact = read, exact_expression
         end, time = numbers[:2]
         if not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
@@ -122,10 +129,41 @@ class QuickStart:
             return None
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(numbers[1:]):
             return None
-        exact = lambda: list(map(exact_number, point))  # noqa: E731
+        exact = lambda: list(map(as_exact, point[1:]))  # noqa: E731
         found = self.integrator.begin_at(constants, self._template, numbers, exact, given)
         wrong = found.refused is not None and (given or found.refused.status == "failed")
         return None if wrong else found  # the reader reports the error
+
+    def _read(
+        self, values: Iterable[Any], parameters: Mapping[Any, Any] | None
+    ) -> tuple[tuple[Any, ...], tuple[Pair, ...]] | None:
+        """Return numbers, some of them text, as exact numbers and as pairs.
+
+        None if one needs the reader, as does text with parameters that are changed or depend on changed ones.
+        """
+        changes = self._changes(tuple(parameters)) if parameters else None
+        changed = {*(parameters or ()), *(changes[0] if changes else ())}
+        found: list[tuple[Any, Pair]] = []
+        for value in values:
+            if isinstance(value, str):
+                exact, pair, names = self._number(value)
+                pair = pair if changed.isdisjoint(names) else None
+            else:
+                exact, pair = value, pair_of(value)
+            if pair is None:
+                return None
+            found.append((exact, pair))
+        numbers, pairs = zip(*found, strict=True)
+        return numbers, pairs
+
+    def _number_of(self, text: str) -> tuple[sp.Expr | None, Pair | None, list[str]]:
+        """Return the exact number that a text is at the system's values, its pair, and the names in it; None for both
+        if the text is no number.
+        """
+        with one_at_a_time(), suppress(HenonRefError):
+            exact = self._system.number(text)
+            return exact, double_double(exact), names_in(text)
+        return None, None, []
 
     def _entries(self, mode: Mapping[Any, Any]) -> dict[int, int] | None:
         """Return a mode by index of the surfaces; None if it is invalid."""
