@@ -183,10 +183,13 @@ TANGENT = {"x": "-F", "v": "vb"}
     [
         ({"x": "1/3", "v": "sqrt(2)*vb - pi/7"}, None, 0),
         (TANGENT, None, 0),
-        ({"x": "F/(F + d)", "v": "abs(atan2(1, -d))"}, {"vb": 0.7}, 0),
+        ({"x": "F/(F + d)", "v": "abs(atan2(1, -d))"}, None, 0),
+        ({"x": "F/(F + d)", "v": "abs(atan2(1, -d))"}, {"vb": 0.7}, 1),  # functions of numbers only
         ({"x": "0.1", "v": 1}, {"vb": 0.7, "F": 1.3}, 0),
-        (TANGENT, {"vb": 0.7}, 1),  # depends on a changed parameter
-        ({"x": "1/3", "v": "vb"}, {"h": 0.4}, 1),  # through another parameter
+        (TANGENT, {"vb": 0.7}, 0),
+        ({"x": "-F/7", "v": "vb"}, {"h": 0.4, "F": 1.1}, 0),  # a parameter that depends on a changed one
+        ({"x": "sqrt(F)", "v": "-h/3"}, {"h": 0.4, "F": 1.1}, 0),
+        (TANGENT, {"vb": Fraction(7, 10)}, 1),
         ({"x": Decimal("0.1"), "v": "vb"}, None, 1),
     ],
 )
@@ -204,6 +207,14 @@ def test_text_is_read_once(
     runs += [hr.simulate(ready, **given)]
     assert everything(runs[0]) == everything(runs[1])
     assert len(exact) == readings
+
+
+def test_text_without_a_value_at_changed_parameters_is_refused() -> None:
+    warm(BELT)
+    hr.simulate(BELT, {"x": "sqrt(F)/d", "v": 1}, until=1, parameters={"F": 2})
+    for changed in ({"F": -1}, {"d": 0}, {"F": 2, "d": 0}):
+        with pytest.raises(hr.HenonRefError, match="'x'"):
+            hr.simulate(BELT, {"x": "sqrt(F)/d", "v": 1}, until=1, parameters=changed)
 
 
 @pytest.mark.parametrize("x", ["1/0", "F*", "q", "t", "log(-1)", "", "9" * 400])
