@@ -147,8 +147,10 @@ class QuickStart:
         point, pairs, changed = list[Any](), list[Pair](), _numbers(names, given)
         for value in values:
             number = self._number(value, names) if isinstance(value, str) else value
-            own = isinstance(number, Number)
-            pair = number.pair([changed[name] for name in number.names]) if own else pair_of(number)
+            if isinstance(number, Number):
+                pair: Pair | None = number.pair([changed[name] for name in number.names])
+            else:
+                pair = pair_of(number)
             if pair is None or not math.isfinite(pair[0]):
                 return None
             point.append(number)
