@@ -247,7 +247,7 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     if (w->known_zeros[g] > 0 || !all_digits(w, e, state, &rounded))
         return UNDECIDED_EVENT;
     double reach = EXPANDED * run->suspect;
-    if (w->mode->slopes)
+    if (w->mode->branches)
         reach = smaller(reach, run->step_length);
     e->unit = unit_above(reach), e->reach = reach / e->unit;
     expand_in_pairs(e, known_to(run->time, run->time_low, 0.0), state, PAIR_TERMS);

@@ -214,6 +214,14 @@ static inline bool at_zero(const struct work *w, int64_t g, double tau)
     return size > 0.0 && value(q, degree, tau) <= 32.0 * EPS * size;
 }
 
+/* Check by the bound b of a guard on a step, its first term a > 0 plus its negative terms, that it is not at zero at the
+ * step's end. The terms' sizes add up to the value there, b at least, and 2 (a - b): the value exceeds the rounding of
+ * at_zero if b exceeds about twice that part of a. */
+static inline bool above_zero_by_bound(const struct work *w, int64_t g)
+{
+    return w->known_zeros[g] == 0 && w->lower[g] > 1e3 * EPS * guard_row(w, g)[0];
+}
+
 /* Check whether a guard falls to zero, within rounding, at the end of a step. */
 static bool ends_at_zero(const struct work *w, int64_t g, double theta)
 {

@@ -148,8 +148,10 @@ struct mode {
                              on each x' and then on each guard */
     bernstein_code bernstein;
     int64_t polynomial_degree; /* of the motion, if it is a polynomial that the expansion holds completely; else 0 */
-    expand_code slopes;        /* if there are branch points: the first coefficients alone */
+    expand_code slopes;        /* values and first derivatives alone; null if neither a guard is a release nor
+                                  anything has branch points */
     const struct tape *tape;   /* for events that double-double decides; else null */
+    int64_t branches;          /* whether the field or some guard has branch points */
     int64_t guards_branch;     /* whether some guard has branch points */
     int64_t number;            /* of the mode (henon_ref.modes.mode.mode_number) */
     int64_t surfaces;          /* of the system; 0, and no number, if it has too many for numbers */

@@ -38,7 +38,7 @@ static inline struct look accepted_step(struct work *w, double theta)
     struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards;
     double unit = run->unit;
-    if (w->mode->slopes && 0.0 < run->longest_step && run->longest_step < theta * unit)
+    if (w->mode->branches && 0.0 < run->longest_step && run->longest_step < theta * unit)
         theta = run->longest_step / unit; /* a branch point may have cut the last step short */
     struct look look = {.theta = theta, .natural = theta * unit};
     double left = remaining(run);
@@ -50,7 +50,7 @@ static inline struct look accepted_step(struct work *w, double theta)
     if (grown && look.final && left <= last) /* the last part before the horizon is no step that has grown */
         grown = false, look.natural = smaller(look.natural, last);
     bool unconverged = w->mode->polynomial_degree == 0 && (grown || w->gaps || tail_unconverged(w, rows, look.theta));
-    if (!unconverged && !w->mode->slopes)
+    if (!unconverged && !w->mode->branches)
         return look;
     double accepted = validated_step(w, look.theta, grown, unconverged);
     if (accepted < look.theta) {
@@ -109,9 +109,10 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
     struct run *run = w->run;
     double unit = run->unit, step = part * unit;
     if (event->guard >= 0) {
-        for (int64_t g = 0; g < w->mode->guards; g++)
-            w->hits[g] = (g == event->guard || at_zero(w, g, part)) && w->faint[g] == 0 ? 1 : 0;
         w->mode->step_end(part, w->c, w->change);
+        for (int64_t g = 0; g < w->mode->guards; g++)
+            w->hits[g] = w->faint[g] == 0
+                         && (g == event->guard || (!above_zero_by_bound(w, g) && at_zero(w, g, part)));
     }
     if (run->dense && part > 0.0)
         record_step(w, step);
@@ -187,7 +188,7 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
     run->guard = event.guard, run->landing = event.undecided ? BRACKET : event.landing;
     if (event.undecided) {
         run->suspect = part * unit, run->step_length = look.theta * unit;
-        if (w->mode->slopes)
+        if (w->mode->branches)
             run->longest_step = 1e3 * look.theta * unit;
         return settle_event(w, look.natural / unit);
     }

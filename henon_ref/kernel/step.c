@@ -99,7 +99,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
     for (int64_t g = 0; g < guards; g++)
         if (w->known_zeros[g] > zeros)
             zeros = w->known_zeros[g];
-    alone = alone || zeros > 0 || w->mode->slopes;
+    alone = alone || zeros > 0 || w->mode->branches;
     while (true) {
         if (run->steps >= stop_at)
             return BUDGET_SPENT;
@@ -159,6 +159,9 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
     }
 }
 
+/* A shift below this part of a step moves the states along their tangents: quadratic terms are below rounding. */
+#define ALONG_TANGENT 1e-9
+
 /* Move the end of a slide onto the zero of its guard to the last digit, whatever the tolerance of the step.
  *
  * A slide ends at a tangent point, where the normal velocity of one field vanishes. If the slide ended slightly before
@@ -169,7 +172,7 @@ static void refine_release(struct work *w, int64_t guard, double unit, double th
 {
     struct run *run = w->run;
     for (int step = 0; step < 3; step++) {
-        w->mode->expansion(run->time, run->time_low, unit, w->x, w->constants, w->ahead);
+        w->mode->slopes(run->time, run->time_low, unit, w->x, w->constants, w->ahead);
         run->expansions += 1;
         const double *row = row_ahead(w, run->states + guard);
         double off = row[0], slope = row[1], size = fabs(off) + fabs(slope) * theta;
@@ -178,7 +181,12 @@ static void refine_release(struct work *w, int64_t guard, double unit, double th
         double shift = -off / slope;
         if (fabs(shift) > 0.1 * theta || run->time + shift * unit > run->horizon)
             return;
-        w->mode->step_end(shift, w->ahead, w->change);
+        for (int64_t i = 0; i < run->states; i++)
+            w->change[i] = shift * row_ahead(w, i)[1];
+        if (fabs(shift) > ALONG_TANGENT * theta) {
+            w->mode->expansion(run->time, run->time_low, unit, w->x, w->constants, w->ahead);
+            w->mode->step_end(shift, w->ahead, w->change);
+        }
         add_to_state(w);
         add_to_time(run, shift * unit);
     }

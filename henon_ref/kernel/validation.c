@@ -242,7 +242,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     double relative = AGREEMENT;
     if (w->gaps)
         relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
-    expand_code slopes = decreasing ? w->mode->slopes : NULL;
+    expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
