@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from henon_ref.errors import HenonRefError, ModelError
 from henon_ref.expressions.bounds import double_double
 from henon_ref.expressions.evaluation import parse_expression
-from henon_ref.integrator.constant_program import constant_program
+from henon_ref.integrator.constant_program import BITS, constant_program
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start, run_template
 from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of, pairs_of
 from henon_ref.kernel.shared import kernel
-from henon_ref.precision import one_at_a_time
+from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.simulation.system import System
 
 CLEARLY = 1e-9
@@ -66,10 +66,11 @@ class Number:
         if self._program is None:
             return double_double(self._expression)
         if all(map(math.isfinite, point)):
-            (exact,) = self._program.exact_values([exact_expression(value) for value in point])
-            high = float(exact)
-            if math.isfinite(high):
-                return high, float(exact - high)
+            with working_precision(BITS):  # also for the difference, whose nearest double is wanted
+                (exact,) = self._program.exact_values([exact_expression(value) for value in point])
+                high = float(exact)
+                if math.isfinite(high):
+                    return high, float(exact - high)
         return math.nan, 0.0
 
     def pairs(self, columns: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.float64]:

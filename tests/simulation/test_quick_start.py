@@ -189,6 +189,7 @@ TANGENT = {"x": "-F", "v": "vb"}
         (TANGENT, {"vb": 0.7}, 0),
         ({"x": "-F/7", "v": "vb"}, {"h": 0.4, "F": 1.1}, 0),  # a parameter that depends on a changed one
         ({"x": "sqrt(F)", "v": "-h/3"}, {"h": 0.4, "F": 1.1}, 0),
+        ({"x": "1 - F", "v": "vb"}, {"F": 0.000101}, 0),
         (TANGENT, {"vb": Fraction(7, 10)}, 1),
         ({"x": Decimal("0.1"), "v": "vb"}, None, 1),
     ],
@@ -205,6 +206,7 @@ def test_text_is_read_once(
     runs = [hr.simulate(first, **given)]
     exact.clear()
     runs += [hr.simulate(ready, **given)]
+    assert runs[0]._pairs == runs[1]._pairs
     assert everything(runs[0]) == everything(runs[1])
     assert len(exact) == readings
 
