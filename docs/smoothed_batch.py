@@ -9,6 +9,7 @@ median error of the final state against ``henon``.
 from __future__ import annotations
 
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -41,11 +42,11 @@ def smoothed(width: float) -> tuple[np.ndarray, float]:
 
     jax.config.update("jax_enable_x64", True)
 
-    def field(t, y, speed):
+    def field(t: Any, y: Any, speed: Any) -> Any:
         slip = y[1] - speed
         return jnp.stack([y[1], -y[0] - jnp.tanh(slip / width) / (1 + 3 * jnp.abs(slip))])
 
-    def final(speed):
+    def final(speed: Any) -> Any:
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(field), diffrax.Kvaerno5(), 0.0, UNTIL, None, jnp.array([1.5, 0.0]), args=speed,
             stepsize_controller=diffrax.PIDController(rtol=RTOL, atol=RTOL), max_steps=100_000,

@@ -21,9 +21,8 @@ from problems import make_problem
 
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import jobs
 from henon_ref.harness.cli import compare_cases
-from henon_ref.harness.truth import store
+from henon_ref.harness.truth import compute, store
 from henon_ref.jit.cache_folder import VARIABLE, cache_root
 from henon_ref.workers import pool, worker_process
 from henon_ref.workers.worker import collect_seldom
@@ -92,7 +91,7 @@ def problem():
 def made_up_solvers(monkeypatch, tmp_path):
     """In place of real ones in the command, whose folder is a temporary one."""
     monkeypatch.setattr(compare_cases, "figure_job", lambda result, records: drawing(result.reading.name))
-    monkeypatch.setattr(jobs, "truth_of", truth)
+    monkeypatch.setattr(compute, "truth_for", truth)
     monkeypatch.setattr(registry, "solver", SOLVERS.__getitem__)
     for module in worker_process, pool:  # workers have them by fork alone, which threads of earlier tests would prevent
         monkeypatch.setattr(module, "start_method", lambda: "fork")

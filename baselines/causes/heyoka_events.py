@@ -1,7 +1,8 @@
-"""heyoka and its terminal events, by minimal runs of heyoka alone."""
+"""heyoka, its steps and its terminal events, by minimal runs of heyoka alone."""
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from typing import Any
 
@@ -53,11 +54,11 @@ def pair_below_rounding() -> str:
 
 @shows("heyoka-event-polynomial", "The event is its Taylor polynomial")
 def event_is_its_taylor_polynomial() -> str:
-    """Roots are located on the Taylor polynomial of the event function over the step, but the step size follows from
-    the state alone. If the series of the event function converges more slowly than that of the state, its polynomial is
-    wrong at the end of the step.
+    """Roots are located on the Taylor polynomial of the event function over the step. The last two coefficients of the
+    state and of this function determine the step size. If those of the function are zero or rounding where the step
+    begins, its polynomial is wrong at the end of the step.
 
-    x' = 1 is a polynomial, so that one step goes to the horizon; 1 - x^50 is of higher degree than the expansion.
+    x' = 1 from 0: 1 - x^50 is of higher degree than the expansion, and tanh(50 (x - 1)) is constant up to rounding.
     """
     import heyoka
 
@@ -68,6 +69,39 @@ def event_is_its_taylor_polynomial() -> str:
     holds(abs(plain - 1) < 1e-12, f"1 - x stops it at {plain}")
     holds(power == 2.0 and steep == 2.0, f"it stops at {power} and {steep}")
     return "the root of 1 - x at t = 1 is found; those of 1 - x^50 and -tanh(50 (x - 1)) at the same time are not"
+
+
+@cause(
+    "heyoka",
+    "heyoka-gap",
+    "The last two coefficients of a series determine the step size",
+    "https://bluescarni.github.io/heyoka.py/notebooks/Customising%20the%20adaptive%20integrator.html",
+    "https://doi.org/10.1080/10586458.2005.10128904",
+)
+def gap_at_the_end_of_a_series() -> str:
+    """If the last two Taylor coefficients are zero or rounding and others are not, as at a symmetric state, the step is
+    many times too long for the tolerance. At a tolerance with another order it may be right.
+
+    A pendulum at rest at a right angle, whose energy is zero: only every fourth coefficient is more than rounding.
+    """
+    import heyoka
+
+    heyoka.set_logger_level_error()
+    x, v = heyoka.make_vars("x", "v")
+    steps, errors = [], []
+    for tolerance in (1e-6, 1e-7):
+        pendulum = heyoka.taylor_adaptive([(x, v), (v, -heyoka.sin(x))], [math.pi / 2, 0.0], tol=tolerance)
+        steps.append(pendulum.step(write_tc=True)[1])
+        errors.append(abs(pendulum.state[1] ** 2 / 2 - math.cos(pendulum.state[0])))
+        sizes = abs(pendulum.tc).max(axis=0)
+        is_gap = max(sizes[-2:]) < 1e-15 < 1e-4 < max(sizes[-4:-2])
+        holds(is_gap == (tolerance == 1e-6), f"largest coefficients at {tolerance:g}: {sizes}")
+    holds(steps[0] > 20 * steps[1], f"first steps {steps}")
+    holds(errors[0] > 1.0 and errors[1] < 1e-7, f"errors of the energy {errors}")
+    return (
+        f"the first step of x'' = -sin(x) from (pi/2, 0) is {steps[0]:.1f} s at 1e-6 and {steps[1]:.2f} s at 1e-7, and "
+        f"the error of the energy after it {errors[0]:.0e} and {errors[1]:.0e}"
+    )
 
 
 @shows("heyoka-flat-root", "A direction is the sign of the derivative")

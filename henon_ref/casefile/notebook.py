@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from html import escape
 
+from henon_ref.grouping import grouped
 from henon_ref.modes.latex import general_form
 from henon_ref.modes.problem import Problem
 from henon_ref.text import html, listed
@@ -27,9 +28,7 @@ def _row(reading: str, problem: Problem) -> tuple[str, ...]:
 
 def equations_html(problems: Mapping[str, Problem]) -> str:
     """Return the equations of the readings as typeset formulas; equal systems are shown once."""
-    systems: dict[str, list[str]] = {}
-    for reading, problem in problems.items():
-        systems.setdefault(general_form(problem.system), []).append(reading)
+    systems = grouped(problems, lambda reading: general_form(problems[reading].system))
     shown = list(systems.items())[:3]
     parts = [
         (f"<p>{html(listed(readings, 6))}:</p>" if len(systems) > 1 else "")

@@ -28,10 +28,11 @@ ATTEMPTS = 4
 """Largest number of attempts with rising precision."""
 MAX_TRANSITIONS = 20_000
 MAX_STEPS = 400_000
-EARLY, FAR = 0.1, 0.02
-"""A proof is stopped early if its steps after the first take the part ``EARLY`` of the time left then and cover less
-than the part ``FAR`` of the run: a fifth of the necessary pace. The steps' time is processor time, which other work on
-the machine does not change; what precedes the end of the first step (preparation of the equations) does not count."""
+TRIAL_TIME, LEAST_COVERED = 0.1, 0.02
+"""A proof is stopped early if its steps after the first take the part ``TRIAL_TIME`` of the time left then and cover
+less than the part ``LEAST_COVERED`` of the run: a fifth of the necessary pace. The steps' time is processor time, which
+other work on the machine does not change; what precedes the end of the first step (preparation of the equations) does
+not count."""
 
 CROWD, CROWDED = 16, 1e-9
 """Events count as accumulating if ``CROWD`` of them are within the part ``CROWDED`` of the run."""
@@ -97,7 +98,7 @@ def certify(
     deadline : float, optional
         Limit of the whole time [s of wall time], after which the run stops with ``ended = "budget"`` and the part
         proven so far. The run also stops so if its pace is far too low: the part of the run covered by the steps after
-        the first, for their processor time (:data:`FAR`).
+        the first, for their processor time (:data:`LEAST_COVERED`).
 
     Returns
     -------
@@ -195,7 +196,8 @@ class _Attempt:
                 if left < 0:
                     return f"the deadline passed at {at}"
                 first = first or (left, clock.thread_time(), passed)
-                if clock.thread_time() - first[1] > EARLY * first[0] and passed - first[2] < FAR * length:
+                tried = clock.thread_time() - first[1] > TRIAL_TIME * first[0]
+                if tried and passed - first[2] < LEAST_COVERED * length:
                     return f"the deadline would pass before the end, at the pace up to {at}"
 
     def _crowded(self) -> str:

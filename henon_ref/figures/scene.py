@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.figures import style
+from henon_ref.grouping import grouped
 from henon_ref.system.assembly import Body, Connection, Scene
 
 if TYPE_CHECKING:
@@ -76,9 +77,7 @@ def schematic(axes: Axes, scene: Scene, **patch: Any) -> None:
 
 def lines_of(scene: Scene, places: Mapping[str, Place]) -> list[_Line]:
     """Return every connection as a line; connections of the same bodies are side by side."""
-    pairs: dict[frozenset[str], list[Connection]] = {}
-    for connection in scene.connections:
-        pairs.setdefault(frozenset(connection.ends), []).append(connection)
+    pairs = grouped(scene.connections, lambda connection: frozenset(connection.ends))
     return [
         (connection, [places[name] for name in connection.ends], 0.13 * (2 * number - len(pair) + 1))
         for pair in pairs.values()

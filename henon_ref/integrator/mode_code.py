@@ -241,7 +241,7 @@ def normal_velocities(system: FilippovSystem) -> NormalVelocities:
 
 
 def _of_contacts(system: FilippovSystem) -> tuple[list[sp.Symbol], list[sp.Expr]]:
-    """Return symbols for the loads of all contacts, and expressions for ``henon_ref/kernel/contact_problem.c``.
+    """Return symbols for the loads of all contacts, and expressions for ``henon_ref/kernel/contact_group.c``.
 
     These are the normal velocities in states, signs and loads, followed by four numbers per surface: the ends of its
     hold zone towards +1 and -1, its inertia, and the change of its normal velocity by friction

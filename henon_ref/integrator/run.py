@@ -35,16 +35,16 @@ def run_to_horizon(
     start: Start,
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
-    kinks: FilippovSystem | None = None,
+    kinked: FilippovSystem | None = None,
 ) -> Trajectory:
-    """Run to the horizon, or to an earlier end; leave out transitions on hidden kinks of the system ``kinks``.
+    """Run to the horizon, or to an earlier end; leave out transitions on hidden kinks of the system ``kinked``.
 
     Most runs end in one call of the loop. They need no :class:`Run`, which costs as much as a short run itself.
     """
     if sample_times is not None:
-        return shown(Run(integrator, start, sample_times, deadline).to_horizon(), kinks)
+        return shown(Run(integrator, start, sample_times, deadline).to_horizon(), kinked)
     if start.refused is not None:
-        return shown(start.refused, kinks)
+        return shown(start.refused, kinked)
     try:  # as Integrator.workspace, whose call would cost some percent of a short run
         workspace = integrator.free.pop()
     except IndexError:
@@ -52,10 +52,10 @@ def run_to_horizon(
     data = start.constants.latest  # kept until the loop returns, because another thread may replace it
     code = _whole_run(workspace.run, start.scalars, data.tables)
     if code == _HORIZON:  # all modes of the run are in the data
-        end: Trajectory = RunResult(integrator.mode_table, workspace, kinks)
+        end: Trajectory = RunResult(integrator.mode_table, workspace, kinked)
         integrator.free.append(workspace)
     else:
-        end = shown(Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code), kinks)
+        end = shown(Run(integrator, start, deadline=deadline, begun=workspace).to_horizon(code), kinked)
         _loop_data(integrator, start)  # later runs may need the modes compiled in this one
     return end
 
@@ -77,8 +77,8 @@ def prepared_run(
     integrator = Integrator(problem.system, order_for(error))
     # The deadline, not a number of steps, limits the run.
     start = integrator.start(problem, tolerance=error, landing=landing, most_steps=NO_LIMIT)
-    kinks = problem.system if problem.system.kinks else None
-    return partial(run_to_horizon, integrator, start, sample_times, deadline, kinks)
+    kinked = problem.system if problem.system.kinks else None
+    return partial(run_to_horizon, integrator, start, sample_times, deadline, kinked)
 
 
 def _loop_data(integrator: Integrator, start: Start) -> LoopData:

@@ -47,28 +47,28 @@ class TransitionArray(Sequence[Transition]):
     contacts : int, optional
         Number of entries of a mode, if the words of the modes before and after follow each state
         (:mod:`henon_ref.integrator.records`). They are converted to indices and modes on first access.
-    kinks : FilippovSystem, optional
+    kinked : FilippovSystem, optional
         System whose hidden kinks are left out (:mod:`henon_ref.modes.kinks`); on first access, too.
     """
 
     __slots__ = ("_made_of", "_numbered")
 
     def __init__(
-        self, rows: NDArray[np.float64], modes: Sequence[Mode], contacts: int = 0, kinks: FilippovSystem | None = None
+        self, rows: NDArray[np.float64], modes: Sequence[Mode], contacts: int = 0, kinked: FilippovSystem | None = None
     ) -> None:
-        self._made_of = rows, modes, contacts, kinks
-        self._numbered = None if contacts or kinks else (rows, modes)
+        self._made_of = rows, modes, contacts, kinked
+        self._numbered = None if contacts or kinked else (rows, modes)
 
     def _in_numbers(self) -> tuple[NDArray[np.float64], Sequence[Mode]]:
         """Return rows with indices of modes, and these modes."""
         if self._numbered is None:
-            rows, modes, contacts, kinks = self._made_of
+            rows, modes, contacts, kinked = self._made_of
             if contacts:
                 rows, modes = numbered_rows(rows, contacts)
-            if kinks:
+            if kinked:
                 records, modes = _records(rows), tuple(modes)
-                rows = rows[are_visible(kinks, records, modes)]
-                modes = tuple(shown_mode(kinks, mode) for mode in modes)
+                rows = rows[are_visible(kinked, records, modes)]
+                modes = tuple(shown_mode(kinked, mode) for mode in modes)
             self._numbered = rows, modes
         return self._numbered
 
@@ -87,10 +87,10 @@ class TransitionArray(Sequence[Transition]):
         """Rows as given to the constructor, without those on hidden kinks."""
         return self.rows if self._made_of[3] else self._made_of[0]
 
-    def visible(self, kinks: FilippovSystem) -> TransitionArray:
+    def visible(self, kinked: FilippovSystem) -> TransitionArray:
         """Return the transitions that are not on hidden kinks, with modes as :func:`shown_mode` returns them."""
         rows, modes, contacts, _ = self._made_of
-        return TransitionArray(rows, modes, contacts, kinks)
+        return TransitionArray(rows, modes, contacts, kinked)
 
     @property
     def records(self) -> NDArray[Any]:
@@ -116,8 +116,8 @@ class TransitionArray(Sequence[Transition]):
     def __getitem__(self, at: slice) -> TransitionArray: ...
     def __getitem__(self, at: int | slice) -> Transition | TransitionArray:
         if isinstance(at, slice):
-            rows, modes, contacts, kinks = self._made_of
-            return TransitionArray(self.rows[at], self.modes) if kinks else TransitionArray(rows[at], modes, contacts)
+            rows, modes, contacts, kinked = self._made_of
+            return TransitionArray(self.rows[at], self.modes) if kinked else TransitionArray(rows[at], modes, contacts)
         row = self.rows[at]
         time, low, source, target, surface, kind, landing = row[:TRANSITION_PLACES].view(TRANSITION)[0].tolist()
         return Transition(
@@ -136,14 +136,14 @@ def _records(rows: NDArray[np.float64]) -> NDArray[Any]:
     return rows.view(transition_dtype(rows.shape[1] - TRANSITION_PLACES))[:, 0]
 
 
-def shown(found: Trajectory, kinks: FilippovSystem | None) -> Trajectory:
-    """Return the result of a run without transitions on hidden kinks of the system ``kinks``."""
-    if kinks is None:
+def shown(found: Trajectory, kinked: FilippovSystem | None) -> Trajectory:
+    """Return the result of a run without transitions on hidden kinks of the system ``kinked``."""
+    if kinked is None:
         return found
     transitions = found.transitions
     if isinstance(transitions, TransitionArray):
-        transitions = transitions.visible(kinks)
-    return found._replace(transitions=transitions, end_mode=shown_mode(kinks, found.end_mode))
+        transitions = transitions.visible(kinked)
+    return found._replace(transitions=transitions, end_mode=shown_mode(kinked, found.end_mode))
 
 
 def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.float64], tuple[Mode, ...]]:
@@ -163,32 +163,32 @@ def numbered_rows(rows: NDArray[np.float64], contacts: int) -> tuple[NDArray[np.
 class RunResult(Trajectory):
     """Trajectory whose fields, except the status, are made when one is first read: they take longer than a short run.
 
-    The memory of the run may be used for another run afterwards. ``kinks``: system whose hidden kinks are left out.
+    The memory of the run may be used for another run afterwards. ``kinked``: system whose hidden kinks are left out.
     """
 
     def __init__(
         self,
         table: ModeTable,
         workspace: Workspace,
-        kinks: FilippovSystem | None = None,
+        kinked: FilippovSystem | None = None,
         status: Status = "ok",
         reason: Reason = "",
     ) -> None:
         found = workspace.unpack(workspace.memory)
         rows = workspace.transitions[: found[5]].copy() if found[5] else None
         since = workspace.since.tolist() if found[6] else ()
-        self.status, self._made_of = status, (table, found, rows, since, reason, kinks)
+        self.status, self._made_of = status, (table, found, rows, since, reason, kinked)
 
     def __getattr__(self, name: str) -> Any:
         """Make the fields; called for an attribute that does not exist."""
         if name not in _FIELDS:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        table, found, rows, since, reason, kinks = self._made_of
+        table, found, rows, since, reason, kinked = self._made_of
         surfaces = len(table.system.surfaces)  # the ``valid`` expressions follow them
-        self.transitions = () if rows is None else TransitionArray(rows, table.modes, table.contacts, kinks)
+        self.transitions = () if rows is None else TransitionArray(rows, table.modes, table.contacts, kinked)
         self.end_time, self.end_state = found[0], found[7:-1]
         mode = table.mode(read(found[-1]) if table.contacts else found[1])
-        self.end_mode = shown_mode(kinks, mode) if kinks else mode
+        self.end_mode = shown_mode(kinked, mode) if kinked else mode
         self.reason, self.counts = reason if isinstance(reason, str) else reason(), Counts(*found[2:5])
         self.undecided_after = tuple((i if i < surfaces else -1, t) for i, t in enumerate(since) if t < math.inf)
         return getattr(self, name)

@@ -2,7 +2,7 @@
  * other contacts act on the one that is hit.
  *
  * First the kinks (struct guard) are crossed, because no mode slides on them. Then the contacts are decided: a contact
- * alone if no other contact in play acts on it, else its whole group (contact_problem.c). In the resulting mode the
+ * alone if no other contact in play acts on it, else its whole group (contact_group.c). In the resulting mode the
  * kinks must be left with a speed, and slides that nothing has ended must clearly continue. If that is not clear, the
  * mode is restored, and Python decides.
  *

@@ -12,6 +12,7 @@
 #include "roots.c"
 #include "landing.c"
 #include "double_double.c"
+#include "pair_functions.c"
 #include "pair_series.c"
 
 #include "compensated_time.c"
@@ -25,8 +26,10 @@
 #include "below_rounding.c"
 #include "selection.c"
 #include "contact_problem.c"
+#include "contact_group.c"
 #include "jump.c"
 #include "transition.c"
+#include "crossed_kinks.c"
 #include "contact_events.c"
 #include "near_zero.c"
 #include "close_event.c"

@@ -121,12 +121,14 @@ class System:
             raise ArgumentError("a system needs its 'field', x' of each state, as in field=['v', '-x']")
         names = [written_name(x, "'state'") for x in state] if isinstance(state, list | tuple) else state
         given = {"state": names, "parameters": parameters, "surfaces": surfaces, "field": field, "valid": valid}
-        written = {
-            "system": mapping({key: tree_of(value, f"'{key}'") for key, value in given.items() if value is not None}),
-            **({} if sliding is None else {"sliding": tree_of(sliding, "'sliding'")}),
-            **({} if resets is None else {"resets": tree_of(resets, "'resets'")}),
+        given |= {"sliding": sliding, "resets": resets}
+        nodes = {
+            key: tree_of(value, f"'{key}'") if key in ("state", "field", "valid") else mapping_of(value, f"'{key}'")
+            for key, value in given.items()
+            if value is not None
         }
-        self._read(source_of(mapping(written)))
+        beside = {key: nodes.pop(key) for key in MODEL_KEYS if key in nodes}
+        self._read(source_of(mapping({"system": mapping(nodes), **beside})))
 
     @classmethod
     def from_case(cls, path: str | Path, reading: str | None = None) -> System:

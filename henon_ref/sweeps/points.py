@@ -71,7 +71,7 @@ def grid(axes: Mapping[str, Any]) -> Points:
     >>> grid({"F": [1, 2], "x": {"from": 0, "to": 1, "count": 3}}).values.tolist()
     [[1.0, 0.0], [1.0, 0.5], [1.0, 1.0], [2.0, 0.0], [2.0, 0.5], [2.0, 1.0]]
     """
-    values = _axes(axes, "grid")
+    values = values_of(axes, "grid")
     written = _written(axes, values)
     is_short = sum(len(own) for own in written.values() if isinstance(own, list)) <= 5_000  # else a table is written
     return Points(tuple(values), _combined(values), written={"grid": written} if is_short else {})
@@ -118,7 +118,7 @@ def continuation(
         One parameter -> its values in order, as in :func:`grid`.
     axes : mapping, optional
         Grid of other parameters and states, with one chain for each of its points.
-    directions : sequence of str
+    directions : sequence or array of str
         ``up``, ``down``, or both: the values in their order, then in reverse.
 
     Raises
@@ -132,22 +132,23 @@ def continuation(
     >>> points.values.ravel().tolist(), points.labels["direction"].tolist(), points.chain
     ([1.0, 2.0, 2.0, 1.0], ['up', 'up', 'down', 'down'], 4)
     """
-    line = _axes(along, "along")
+    line = values_of(along, "along")
     if len(line) != 1:
         raise ArgumentError("'along' must have one parameter, as in {'vb': {'from': 0, 'to': 1, 'count': 50}}")
-    if not directions or len(set(directions)) != len(directions) or not set(directions) <= {"up", "down"}:
-        raise ArgumentError(f"directions are {listed(list(map(str, directions)))}; wanted 'up', 'down', or both")
+    ways = [] if isinstance(directions, str) else [str(way) for way in np.array(directions, dtype=object).ravel()]
+    if not ways or len(set(ways)) != len(ways) or not set(ways) <= {"up", "down"}:
+        raise ArgumentError(f"'directions' is {str(directions)[:60]!r}; wanted a list of 'up', 'down', or both")
     ((name, values),) = line.items()
-    path = np.concatenate([values if d == "up" else values[::-1] for d in directions])
-    across = {} if axes is None or (isinstance(axes, Mapping) and not axes) else _axes(axes, "grid")
+    path = np.concatenate([values if way == "up" else values[::-1] for way in ways])
+    across = {} if axes is None or (isinstance(axes, Mapping) and not axes) else values_of(axes, "axes")
     if name in across:
-        raise ArgumentError(f"'{name}' is in 'along' and in the grid; leave it out of one of them")
+        raise ArgumentError(f"'{name}' is the parameter of 'along' and also an axis of its grid; leave one out")
     chains = prod(map(len, across.values()))
     check_size(len(path) * chains, len(across) + 1, "a continuation")
     made = np.column_stack([np.repeat(_combined(across), len(path), axis=0), np.tile(path, chains)])
-    labels = {"direction": np.tile(np.array([d for d in directions for _ in values], dtype=object), chains)}
+    labels = {"direction": np.tile(np.array([way for way in ways for _ in values], dtype=object), chains)}
     grid = {"grid": _written(axes, across)} if axes else {}
-    written = {"along": _written(along, line), "directions": list(directions), **grid}
+    written = {"along": _written(along, line), "directions": ways, **grid}
     return Points((*across, name), made, len(path), labels, {"continuation": written})
 
 
@@ -221,9 +222,11 @@ def check_names(names: Sequence[str], system: System) -> None:
             raise ArgumentError(f"'{name}' is a column of the result; rename the parameter or state")
 
 
-def _axes(axes: Mapping[str, Any], what: str) -> dict[str, Vector]:
+def values_of(axes: Mapping[str, Any], what: str) -> dict[str, Vector]:
+    """Return the values of each axis by name; ArgumentError, which names the argument ``what``, if one has none."""
     if not isinstance(axes, Mapping) or not axes:
-        raise ArgumentError(f"'{what}' is {str(axes)[:60]}; wanted a mapping such as {{'vb': [0.1, 0.2]}}")
+        shown = "empty" if isinstance(axes, Mapping) else f"of type {type(axes).__name__}"
+        raise ArgumentError(f"'{what}' is {shown}; wanted a mapping such as {{'vb': [0.1, 0.2]}}")
     named = _named(axes, f"'{what}'")
     total = prod([_size(axes[key], f"'{name}' of '{what}'") for name, key in named.items()])
     check_size(total, len(named), f"'{what}'")

@@ -104,15 +104,13 @@ def sweep(
     Returns
     -------
     SweepTable
-        Data frame with one row for each point, in the order of the points: their columns, ``status``, and the
-        observations; also for a run that ends early. Ragged observations are data frames in the attribute ``frames``;
-        their column ``point`` is the number of the row. All numbers have equal bits for any chunks and any executor.
+        Data frame with one row for each point, in their order, also if its run ended early. All numbers have equal
+        bits for any chunks and any executor.
 
     Raises
     ------
     HenonRefError
-        If an argument is invalid; it is also a ValueError, raised before anything is run or written. A CaseError if
-        the folder cannot be written.
+        If an argument is invalid (also a ValueError; nothing is run or written then), or the folder cannot be written.
 
     Examples
     --------
@@ -120,8 +118,7 @@ def sweep(
 
     >>> from henon_ref import observe
     >>> block = System(["x", "v"], {"F": 0.5}, {"s": "v"}, ["v", "-F*s"])
-    >>> last = observe.final_state()
-    >>> table = sweep(block, {"x": 0, "v": 1}, until=9, grid={"F": [0.5, 1]}, observe=[last], jobs=1)
+    >>> table = sweep(block, {"x": 0, "v": 1}, until=9, grid={"F": [0.5, 1]}, observe=[observe.final_state()], jobs=1)
     >>> table[["F", "status", "final_x", "final_mode"]].values.tolist()
     [[0.5, 'ok', 1.0, 's=0'], [1.0, 'ok', 0.5, 's=0']]
     """

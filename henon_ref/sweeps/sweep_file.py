@@ -32,7 +32,7 @@ from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.observe import KINDS
 from henon_ref.sweeps.plan import RTOL, Plan, RepeatedNameError, check_after, planned
-from henon_ref.sweeps.points import Points, check_names, continuation, grid, random, table
+from henon_ref.sweeps.points import Points, check_names, continuation, grid, random, table, values_of
 from henon_ref.sweeps.work import Observation
 from henon_ref.system.problem import build_problem
 from henon_ref.system.source import Path as KeyPath
@@ -73,8 +73,6 @@ class SweepForm(Form):
 
 
 T = TypeVar("T")
-CASE_KEYS = ("schema", "name", "title", "source", "system", "scene", "sliding", "resets", "initial", "until")
-"""Keys that sweep files and case files have in common."""
 POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
@@ -134,11 +132,12 @@ def _points(source: Source, system: System, folder: Path) -> Points:
 
 
 def _axes(source: Source, system: System, path: KeyPath) -> dict[str, Any]:
-    """Return the values of a grid, checked axis by axis, so that an error has the place of its axis."""
+    """Return the axes of a grid, checked one by one, so that an error has the place of its axis, and together."""
     _check_keys(source, system, path)
     found: dict[str, Any] = _value(source, child(source.tree, path))
     for name, given in found.items():
-        _placed(source, (*path, name), partial(grid, {name: given}))
+        _placed(source, (*path, name), partial(values_of, {name: given}, str(path[-1])))
+    _placed(source, path, partial(values_of, found, str(path[-1])))
     return found
 
 

@@ -118,7 +118,7 @@ def mapping_of(
     ``kind``: what its names are, such as ``parameter``, if only ``known`` names are allowed.
     """
     if not isinstance(value, Mapping):
-        raise ArgumentError(f"{what} must be a mapping, as in {example}")
+        raise ArgumentError(f"{what} must be a mapping, as in {example}; here it is of type {type(value).__name__}")
     node = tree_of(value, what)
     assert isinstance(node, MappingNode)
     for name in node.entries if kind else ():

@@ -17,10 +17,11 @@ from henon_ref.figures.style import description_of, image
 from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import expected_of
-from henon_ref.harness.campaign.jobs import sample_times, truth_of
+from henon_ref.harness.campaign.jobs import sample_times
 from henon_ref.harness.figures import draw_cost, draw_errors, running_maximum
 from henon_ref.harness.rows import RunRow, TransitionRow
 from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.truth.compute import truth_for
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Samples
 
@@ -33,7 +34,7 @@ def moved(name: str) -> tuple[Reading, Expected, Motion]:
     """A reading, its truth, and its motion as the reports draw it."""
     case = load_case(FIG8)
     reading = next(reading for reading in case.readings if reading.name == name)
-    expected = expected_of(reading, truth_of(case, reading))
+    expected = expected_of(reading, truth_for(case, reading))
     wanted = sample_times(
         expected.start, reading.measure_after, expected.until, [event.time for event in expected.transitions]
     )

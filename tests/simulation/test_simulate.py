@@ -8,6 +8,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from inspect import signature
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -203,6 +204,18 @@ def test_a_series_is_refused_as_no_mapping(argument: str) -> None:
     given = {"initial": {"x": 0, "v": 1}, argument: pd.Series({"x": 0.0, "v": 1.0})}
     with pytest.raises(hr.ArgumentError, match=f"'{argument}' must be a mapping, as in "):
         hr.simulate(BLOCK, given.pop("initial"), until=3, **given)
+
+
+@pytest.mark.parametrize("given", [pd.Series({"F": 1.0}), ["F"]])
+@pytest.mark.parametrize("argument", ["parameters", "surfaces", "sliding", "resets"])
+def test_a_system_and_a_scene_refuse_what_is_no_mapping_as_simulate_does(argument: str, given: Any) -> None:
+    described: dict[str, Any] = {"state": ["x"], "surfaces": {"s": "x"}, "field": ["-s"], argument: given}
+    words = rf"'{argument}' must be a mapping, as in \{{name: value\}}; here it is of type {type(given).__name__}$"
+    with pytest.raises(hr.ArgumentError, match=words):
+        hr.System(**described)
+    if argument == "parameters":
+        with pytest.raises(hr.ArgumentError, match=words):
+            hr.Scene(parameters=given)
 
 
 @pytest.mark.parametrize("front", [hr.simulate, hr.stream])

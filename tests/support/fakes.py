@@ -94,7 +94,7 @@ def trajectory(transitions: tuple[Transition, ...], status: str = "ok", **change
 
 
 def truth(case: object = None, reading: object = None) -> Truth:
-    """Takes the place of ``jobs.truth_of``."""
+    """Takes the place of ``compute.truth_for``."""
     return truth_of(expected())
 
 

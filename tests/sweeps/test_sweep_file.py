@@ -105,6 +105,14 @@ def test_a_scene_may_stand_in_place_of_a_system(tmp_path: Path) -> None:
         ("final_state: {}", "sticks: {}", 18, 5, "two results have the column 'stick_count'"),
         ("final_state: {}", "section: {of: v}", 19, 5, "two results have the table 'section'"),
         ("v - vb", "v - v0", 8, 22, "v0"),
+        (
+            POINTS,
+            "points:\n  continuation:\n    along: {vb: [1]}\n    grid: {x: &m {from: 0, to: 1, count: 9999}, v: *m}\n",
+            15,
+            11,
+            "'grid' has 99980001 points of 2 names",
+        ),
+        (POINTS, "points:\n  continuation:\n    along: {vb: []}\n", 14, 17, "'vb' of 'along' is empty"),
     ],
 )
 def test_an_error_has_its_place(tmp_path: Path, old: str, new: str, line: int, column: int, words: str) -> None:

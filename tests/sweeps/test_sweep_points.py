@@ -7,6 +7,7 @@ import re
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -122,9 +123,33 @@ def test_a_continuation_goes_up_and_back() -> None:
     assert points.names == ("x", "F")
     assert points.values.tolist() == [[x, f] for x in (0, 5) for f in (1, 2, 3, 3, 2, 1)]
     assert points.chain == 6
-    for arguments in ({"along": {"F": [1], "x": [2]}}, {"along": {"F": [1]}, "directions": ["left"]}):
-        with pytest.raises(ArgumentError):
-            continuation(**arguments)
+
+
+def test_directions_of_a_continuation_may_be_an_array() -> None:
+    points = continuation({"F": [1, 2]}, directions=np.array(["down", "up"]))
+    assert points.values.ravel().tolist() == [2, 1, 1, 2]
+    assert points.written["continuation"]["directions"] == ["down", "up"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"along": {"F": [1], "x": [2]}}, "'along' must have one parameter"),
+        ({"along": [1]}, "'along' is of type list; wanted a mapping"),
+        ({"axes": [1]}, "'axes' is of type list; wanted a mapping"),
+        ({"axes": {"x": []}}, "'x' of 'axes' is empty"),
+        ({"axes": {"F": [1]}}, "'F' is the parameter of 'along' and also an axis of its grid"),
+        ({"directions": ["left"]}, "'directions' is \"['left']\"; wanted a list"),
+        ({"directions": "up"}, "'directions' is 'up'; wanted a list"),
+        ({"directions": []}, "'directions' is '[]'; wanted a list"),
+        ({"directions": ["up", "up"]}, "'directions' is \"['up', 'up']\"; wanted a list"),
+        ({"directions": np.array([1.0, 2.0])}, "'directions' is '[1. 2.]'; wanted a list"),
+    ],
+)
+def test_a_refused_continuation_names_the_argument(arguments: dict[str, Any], words: str) -> None:
+    with pytest.raises(ArgumentError) as refused:
+        continuation(**{"along": {"F": [1, 2]}, **arguments})
+    assert str(refused.value).startswith(words)
 
 
 def test_a_grid_of_many_names_is_one() -> None:

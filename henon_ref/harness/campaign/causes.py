@@ -7,92 +7,16 @@ symptoms that identify a cause uniquely. A run without a matching pattern stays 
 from __future__ import annotations
 
 import math
-import re
 import sys
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby, takewhile
 
 from henon_ref.harness import registry
+from henon_ref.harness.campaign.wrong_run import Rows, WrongRun, exact_time
 from henon_ref.harness.rows import RunRow, TransitionRow, number
 
-Rows = Sequence[TransitionRow]
 OFF = 3.0
 """Largest error of a time found by siconos [steps]; the cause siconos-step shows a smaller one."""
-
-
-class WrongRun:
-    """One wrong run and its transitions in order, without touches."""
-
-    def __init__(self, run: RunRow, transitions: Rows) -> None:
-        self.run = run
-        self.rows = [row for row in transitions if row.outcome != "touch"]
-        self.right = list(takewhile(lambda row: row.outcome == "matched", self.rows))
-        """Transitions before the first wrong one."""
-        self.matched, self.missed, self.spurious = (
-            [row for row in self.rows if row.outcome == what] for what in ("matched", "missed", "spurious")
-        )
-        self.end, self.step, self.steps = number(run.end_time_s), number(run.step_s), number(run.steps)
-        self.solver = registry.base_name(run.solver).partition("+")[0]
-        """Name without restart and variant."""
-
-    def found(self, pattern: str) -> re.Match[str] | None:
-        """Search the reason of the run for a regular expression."""
-        return re.search(pattern, self.run.status_reason or "")
-
-    def misses_at(self, time: float) -> bool:
-        """Check whether the first missed transition is at a time [s], within the error of an unlocated end.
-
-        The error of an end that is not located as an event is below 1000 rtol; BDF reaches 200 at rtol 1e-12.
-        """
-        within = 1000.0 * number(self.run.rtol)
-        return any(abs(_exact(row) - time) <= within for row in self.missed[:1])
-
-    @property
-    def missed_pairs(self) -> list[Rows]:
-        """Groups of consecutive missed transitions after which the mode is the same as before the group.
-
-        Each surface is crossed an even number of times within a group. Empty if the run is wrong in another way, too,
-        because its path between the transitions is then unknown.
-        """
-        groups = [list(own) for what, own in groupby(self.rows, lambda row: row.outcome) if what == "missed"]
-        whole = all(
-            group[0].from_mode == group[-1].to_mode
-            and all(count % 2 == 0 for count in Counter(row.surface for row in group).values())
-            for group in groups
-        )
-        return [*groups] if whole and self.run.status == "wrong" and self.run.spurious == 0 else []
-
-    @property
-    def first_missed(self) -> Rows:
-        """First missed transitions, up to the return to the mode before them; later errors follow from these.
-
-        Empty if the mode does not return before the next transition of the run. Also empty if the group begins within
-        a mean step after a transition of the same surface, because the restart there may have lost it.
-        """
-        group = list(takewhile(lambda row: row.outcome == "missed", self.rows[len(self.right) :]))
-        until = next((k for k, row in enumerate(group, 1) if row.to_mode == group[0].from_mode), 0)
-        if not until or self.run.status != "wrong" or not self.found(" missed, "):
-            return []
-        left = [_exact(row) for row in self.right if row.surface == group[0].surface]
-        return group[:until] if not left or _exact(group[0]) - left[-1] > self.end / self.steps else []
-
-    @property
-    def stopped_between(self) -> Rows:
-        """First two missed transitions of a surface, if the run failed between them and they lie within a mean step.
-
-        An event of another surface then stopped the library between the two roots, where the guard is negative.
-        """
-        own = [row for row in self.missed if row.surface == self.missed[0].surface][:2]
-        if self.run.status != "failed" or not self.found("was stepped over") or self.run.spurious or len(own) < 2:
-            return []
-        first, last = map(_exact, own)
-        return own if first <= self.end <= last and last - first < self.end / max(self.steps, 1.0) else []
-
-
-def _exact(row: TransitionRow) -> float:
-    return number(row.reference_time_s)
 
 
 def within_one_step(wrong: WrongRun) -> bool:
@@ -105,6 +29,17 @@ def double_root(wrong: WrongRun) -> bool:
     rows = wrong.stopped_between or [row for group in wrong.missed_pairs for row in group]
     depths = [row.graze_distance for row in rows if row.graze_distance is not None]
     return max(depths, default=math.inf) <= 1e-15
+
+
+def wrong_from_the_start(wrong: WrongRun) -> bool:
+    """The run misses all transitions, more than a pair of one surface, or the time of the first is far off.
+
+    The motion itself is then wrong: errors of the size of the tolerance move no time by the square root of it.
+    """
+    lost = wrong.run.matched == 0 and len(wrong.missed) > 2 and len({row.surface for row in wrong.missed}) == 1
+    far = math.sqrt(number(wrong.run.rtol))
+    off = any(abs(number(row.time_error_s)) > far * number(row.conditioning) for row in wrong.right[:1])
+    return (lost and bool(wrong.missed_pairs)) or off
 
 
 def before_a_pole(wrong: WrongRun) -> bool:
@@ -151,7 +86,7 @@ def is_off(wrong: WrongRun, row: TransitionRow) -> bool:
     Step-size control allows an error of ``atol`` in each accepted step, so that all steps together move a transition by
     at most ``steps * atol * conditioning``. In addition, each step rounds the time.
     """
-    step = number(wrong.run.atol) * number(row.conditioning) + sys.float_info.epsilon * abs(_exact(row))
+    step = number(wrong.run.atol) * number(row.conditioning) + sys.float_info.epsilon * abs(exact_time(row))
     return abs(number(row.time_error_s)) > wrong.steps * step
 
 
@@ -163,7 +98,7 @@ def released_late(wrong: WrongRun) -> bool:
         if [row.kind for row in exact] != [row.kind for row in found]:
             return False
         for there, here in zip(exact, found, strict=True):
-            delays[there.kind == "release"].append(number(here.time_s) - _exact(there))
+            delays[there.kind == "release"].append(number(here.time_s) - exact_time(there))
     latest = max(delays[True], default=0.0)
     return min(delays[True], default=0.0) > 0.0 and all(abs(delay) < latest for delay in delays[False])
 
@@ -206,14 +141,14 @@ def in_the_first_step(wrong: WrongRun) -> bool:
 
     The first step of octave-ode45 in each mode is 1e-9 of the length of the run, which extends to the horizon.
     """
-    times = [0.0, *map(_exact, wrong.rows)]
+    times = [0.0, *map(exact_time, wrong.rows)]
     first = next((k for k, row in enumerate(wrong.rows) if row.outcome == "missed"), None)
     return first is not None and 0.0 < times[first + 1] - times[first] <= 1e-9 * wrong.end
 
 
 def time_stepping(wrong: WrongRun) -> bool:
     """Transitions within one step are missed, and transitions some steps after the horizon are found before it."""
-    run, times = wrong.run, list(map(_exact, wrong.missed))
+    run, times = wrong.run, list(map(exact_time, wrong.missed))
     alone = run.status == "wrong" and run.expected_status == "ok"
     within = run.spurious == 0 and len(times) > 1 and max(times) - min(times) <= wrong.step
     last = wrong.end - OFF * wrong.step
@@ -294,6 +229,7 @@ PATTERNS = (
       for solvers in (SCIPY, CVODE, ("ida",), CVODE_C, OCTAVE, DIFFRAX, DIFFSOL)),
     Pattern("heyoka-double-root", HEYOKA, when=double_root),
     Pattern("heyoka-hidden-drive", HEYOKA, when=lambda wrong: {g[0].kind for g in wrong.missed_pairs} == {"release"}),
+    Pattern("heyoka-gap", HEYOKA, status="wrong", ends="ok", right=True, when=wrong_from_the_start),
     Pattern("heyoka-event-polynomial", HEYOKA, "stepped over", missed=1, when=lambda wrong: wrong.run.matched == 0),
     Pattern("scipy-bracket", SCIPY, "must have different signs"),
     Pattern("scipy-flat-root", (*SCIPY, "scipy-smoothed", "scipy-sign"), "Failed to converge after"),

@@ -50,13 +50,8 @@ MOST_SHOWN = 40
 
 
 def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Truth:
-    """Job: :func:`truth_of`."""
-    return truth_of(case, reading)
-
-
-def truth_of(case: Case, reading: Reading) -> Truth:
-    """Return the truth of a reading; compute it if it is not stored."""
-    from henon_ref.harness.truth import truth_for
+    """Job: return the truth of a reading; compute it if it is not stored."""
+    from henon_ref.harness.truth.compute import truth_for
 
     return truth_for(case, reading)
 

@@ -48,6 +48,26 @@ def _flag(name: str, panel: str | None, words: str) -> Any:
     return typer.Option(name, help=words, metavar=FLAG, rich_help_panel=panel)
 
 
+Solvers = Annotated[
+    str | None,
+    typer.Option(
+        help="Solvers to run, separated by commas. If omitted: the solvers that a case lists, or the default solvers "
+        "if it lists none. 'all' also includes the installed peers (optional libraries) if a case lists none. "
+        "'heyoka@direction' is heyoka with the restart 'direction' after events.",
+        metavar="NAMES",
+    ),
+]
+Required = Annotated[
+    str | None,
+    _in(
+        DEMANDS,
+        help="Solvers, separated by commas. Exit with status 1 if one of them is wrong through its own fault at its "
+        "tightest setting in some reading, or is not judged in any reading.",
+        metavar="NAMES",
+    ),
+]
+
+
 @app.command(
     epilog=examples(
         "compare fig8",
@@ -61,15 +81,7 @@ def main(
     context: typer.Context,
     cases: Cases,
     out: Annotated[Path, typer.Option(help="Folder of the reports.", parser=path_of, metavar="FOLDER")] = Path("out"),
-    solvers: Annotated[
-        str | None,
-        typer.Option(
-            help="Solvers to run, separated by commas. If omitted: the solvers that a case lists, or the default "
-            "solvers if it lists none. 'all' also includes the installed peers (optional libraries) if a case lists "
-            "none. 'heyoka@direction' is heyoka with the restart 'direction' after events.",
-            metavar="NAMES",
-        ),
-    ] = None,
+    solvers: Solvers = None,
     tolerances: Annotated[
         str | None, typer.Option(help="Comma-separated relative tolerances that replace the case's.", metavar="NUMBERS")
     ] = None,
@@ -116,15 +128,7 @@ def main(
             "--gate", DEMANDS, "Exit with status 1 if a bound of a case's gate is violated, or if no bound was checked."
         ),
     ] = False,
-    require: Annotated[
-        str | None,
-        _in(
-            DEMANDS,
-            help="Solvers, separated by commas. Exit with status 1 if one of them is wrong through its own fault at "
-            "its tightest setting in some reading, or is not judged in any reading.",
-            metavar="NAMES",
-        ),
-    ] = None,
+    require: Required = None,
 ) -> int:
     """Run every solver on every case, score the runs against the truth, and write reports."""
     options = {

@@ -16,6 +16,7 @@ from typing import Any
 from henon_ref.casefile.case import Case
 from henon_ref.commands import status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, say
+from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.case_files import load_cases
@@ -32,7 +33,7 @@ from henon_ref.harness.report.svg import KINDS, figure_job, file_name
 from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import bounds_of, demand, gate
-from henon_ref.harness.score.ranking import at_fault, grouped, standings, standings_table, tightest
+from henon_ref.harness.score.ranking import at_fault, standings, standings_table, tightest
 from henon_ref.harness.table import count
 from henon_ref.text import listed, message
 

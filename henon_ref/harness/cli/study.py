@@ -32,8 +32,7 @@ NAME_HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
 def main(
     study: Annotated[str, typer.Argument(help=NAME_HELP, show_default=False, metavar="NAME")],
     cases: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE"),
+        list[Path] | None, typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE")
     ] = None,
     solvers: Annotated[
         str | None,
@@ -78,9 +77,8 @@ def main(
         if name != registry.ALL:
             registry.check(name)
     _check_taken(study, own, [name for name, value in given.items() if value])
-    options = Options(
-        solvers=chosen, timeout=timeout or Options().timeout, processes=jobs or own.jobs, resume=resume,
-    )  # fmt: skip
+    limit = timeout or Options().timeout
+    options = Options(solvers=chosen, timeout=limit, processes=jobs or own.jobs, resume=resume)
     loaded, folder = load_cases(cases) if cases else [], out / own.folder
     check_writable(folder)
     words = ["henon-ref study", study, *map(str, cases or ()), *([f"--solvers {solvers}"] if solvers else [])]

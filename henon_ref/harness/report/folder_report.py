@@ -14,6 +14,7 @@ from typing import Any
 from henon_ref.atomic_write import replace_file
 from henon_ref.baselines.causes import CAUSES
 from henon_ref.errors import CaseError
+from henon_ref.grouping import grouped
 from henon_ref.harness.report.folder import (
     CASE_FILE,
     INDEX,
@@ -38,7 +39,7 @@ from henon_ref.harness.report.text.matrix import (
 )
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import RunRow
-from henon_ref.harness.score.ranking import LEVELS, by_solver, floor, grouped, readings_of
+from henon_ref.harness.score.ranking import LEVELS, by_solver, floor, readings_of
 from henon_ref.harness.score.reference import CLOSE
 from henon_ref.harness.table import count
 from henon_ref.text import one_line

@@ -19,6 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.casefile.schema import CaseForm
 from henon_ref.errors import HenonRefError
 from henon_ref.figures.motion import Motion
 from henon_ref.figures.sweeps import MOST_BASINS
@@ -29,7 +30,7 @@ from henon_ref.simulation.solution import Solution
 from henon_ref.sweeps.chunk import POINTS
 from henon_ref.sweeps.plan import Plan
 from henon_ref.sweeps.storage import MANIFEST, PAGE, SWEEP_FILE, chunk_files, owned
-from henon_ref.sweeps.sweep_file import CASE_KEYS, load_sweep
+from henon_ref.sweeps.sweep_file import SweepForm, load_sweep
 from henon_ref.text import one_line
 
 _LOG = logging.getLogger(__name__)
@@ -156,7 +157,8 @@ def case_text(plan: Plan, folder: Path) -> str | None:
     from ruamel.yaml import YAML
 
     content = YAML(typ="safe", pure=True).load((folder / SWEEP_FILE).read_text(encoding="utf-8"))
-    made = {key: content[key] for key in CASE_KEYS if key in content} | {"name": NAME}
+    shared = CaseForm.__annotations__.keys() & SweepForm.__annotations__.keys()
+    made = {key: value for key, value in content.items() if key in shared} | {"name": NAME}
     parameters = (made.get("system") or made.get("scene") or {}).get("parameters") or {}
     if plan.points.chain > 1:
         return None

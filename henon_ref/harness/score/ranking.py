@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from statistics import geometric_mean, median
 from typing import TypeVar
 
+from henon_ref.grouping import grouped
 from henon_ref.harness.rows import NOT_RUN, RunRow, number
 from henon_ref.harness.score.reference import HALF_ULP
 from henon_ref.harness.table import Table, digits, duration, significant
@@ -16,16 +17,7 @@ from henon_ref.harness.table import Table, digits, duration, significant
 LEVELS = (3, 6, 9, 12)
 """Numbers of digits for which prices are given."""
 R = TypeVar("R")
-K = TypeVar("K", bound=Hashable)
 AnyRun = TypeVar("AnyRun", bound=RunRow)
-
-
-def grouped(rows: Iterable[R], key: Callable[[R], K]) -> dict[K, list[R]]:
-    """Group rows by a key, in order of first occurrence."""
-    found: dict[K, list[R]] = {}
-    for row in rows:
-        found.setdefault(key(row), []).append(row)
-    return found
 
 
 def readings_of(rows: Iterable[R]) -> dict[tuple[str, str], list[R]]:

@@ -11,12 +11,13 @@ from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
 from henon_ref.casefile.case import Case
+from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
 from henon_ref.harness.score.errors import EARLY
-from henon_ref.harness.score.ranking import LEVELS, grouped
+from henon_ref.harness.score.ranking import LEVELS
 from henon_ref.harness.studies.page import report_link, rows_of, write
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration

@@ -16,10 +16,10 @@ of states and outputs are copied to the rows of ``C``.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import partial
-from typing import TypeVar
 
+from henon_ref.grouping import grouped
 from henon_ref.jit.ir_writer import LANES, IRWriter, literal, loop_function, row_length
 from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes
 from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, copy_lines, row_lines, state_lines, total_lines
@@ -27,8 +27,6 @@ from henon_ref.taylor.llvm.shapes import Factors, Shapes
 from henon_ref.taylor.llvm.step_bounds import GROWING
 from henon_ref.taylor.tape import Tape
 
-T = TypeVar("T")
-Key = TypeVar("Key", bound=Hashable)
 Pointers = Sequence[tuple[str, str]]
 """Name of the pointer of each entry of a table's row, and the array into which it points."""
 Arranged = tuple[str, ...]
@@ -66,9 +64,9 @@ class _LoopedExpansion:
         self.calls: list[str] = []
         levels, last = shapes.levels, shapes.last
         nodes = sorted(shapes.nodes, key=levels.__getitem__)
-        self.nodes = [each for _, each in _grouped(nodes, lambda at: (levels[at], shapes.nodes[at][0], at in last))]
-        self.rates = [each for _, each in _grouped(self.states[: len(shapes.rates)], lambda at: self.found[at][0])]
-        self.outputs = [each for _, each in _grouped(outputs, lambda at: self.found[at][0])]
+        self.nodes = [*grouped(nodes, lambda at: (levels[at], shapes.nodes[at][0], at in last)).values()]
+        self.rates = [*grouped(self.states[: len(shapes.rates)], lambda at: self.found[at][0]).values()]
+        self.outputs = [*grouped(outputs, lambda at: self.found[at][0]).values()]
         self.columns: dict[int, int] = {}
         """Column of ``S`` of each series; first those in the rows of ``C``."""
         for group in (self.states[len(shapes.rates) :], *self.rates, *self.outputs):
@@ -137,7 +135,7 @@ class _LoopedExpansion:
                         self.totals[factors] = self.memory
                         self.memory += 1
         signs = {factors: tuple((f.sign, len(f.constants)) for f in factors) for factors in self.totals}
-        for kind, members in _grouped(self.totals, signs.__getitem__):
+        for kind, members in grouped(self.totals, signs.__getitem__).items():
             rows = [[self.totals[each], *(i for f in each for i in f.constants)] for each in members]
             pointers = _pointers("S" + "K" * (len(rows[0]) - 1))
             self._loop(("total", kind), pointers, partial(total_lines, kind), self._table(rows))
@@ -212,17 +210,9 @@ class _LoopedExpansion:
             return self.tape.nodes[at].op, stride, shapes.degree(name), order if whole else order - 1
 
         growing = [at for at, node in enumerate(self.tape.nodes) if node.op in GROWING]
-        for found, members in _grouped(growing, kind):
+        for found, members in grouped(growing, kind).items():
             rows = [[norms + 3, self.columns[shapes.argument(at)[0]]] for at in members]
             self._loop(("step", found), _pointers("CS"), partial(bound_lines, *found), self._table(rows))
-
-
-def _grouped(items: Iterable[T], key: Callable[[T], Key]) -> Iterator[tuple[Key, list[T]]]:
-    """Group items by a key, in the order of the first occurrence of each key."""
-    groups: dict[Key, list[T]] = {}
-    for item in items:
-        groups.setdefault(key(item), []).append(item)
-    return iter(groups.items())
 
 
 def _pointers(arrays: str) -> Pointers:

@@ -18,6 +18,7 @@ from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Demand, bounds_of, demand, gate
+from henon_ref.harness.truth import compute
 from henon_ref.workers.worker import Job
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
@@ -25,7 +26,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(jobs, "truth_of", truth)
+    monkeypatch.setattr(compute, "truth_for", truth)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:
@@ -288,7 +289,7 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
     def contradiction(case, reading):
         raise ValueError("the routes disagree")
 
-    monkeypatch.setattr(jobs, "truth_of", contradiction)
+    monkeypatch.setattr(compute, "truth_for", contradiction)
     result = run(Fake())
     assert list(result.runs["status"]) == ["ok", "ok"]
     assert result.runs["max_time_error_s"].isna().all()
@@ -297,7 +298,7 @@ def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
 
 def test_a_truth_that_ends_at_the_start_makes_no_run_right(monkeypatch):
     nothing = truth_of(expected((), end_time=0.0, partial=True), reason="the field is not finite")
-    monkeypatch.setattr(jobs, "truth_of", lambda case, reading: nothing)
+    monkeypatch.setattr(compute, "truth_for", lambda case, reading: nothing)
     rows = run(Fake()).run_rows
     assert {(row.status, row.verdict, row.expected_status) for row in rows} == {("ok", "not judged", None)}
     assert not demand("fake", rows).judged

@@ -55,6 +55,22 @@ def test_heyoka_loses_a_pair_only_where_rounding_makes_it_one_root() -> None:
     assert cause_of(run_row(solver="heyoka"), shallow) == "heyoka-double-root"
 
 
+def test_a_motion_of_heyoka_that_is_wrong_from_the_start_had_too_long_a_step() -> None:
+    """Several pairs of a surface are missed, or the first time is off by more than the root of the tolerance."""
+    run = run_row(solver="heyoka", missed=4, matched=0, expected_status="ok")
+    assert cause_of(run, [*PAIR, *PAIR]) == "heyoka-gap"
+    assert cause_of(replace(run, solver="cvode-bdf"), [*PAIR, *PAIR]) == "cvode-pair"
+    assert cause_of(run, PAIR) is None
+    assert cause_of(run, [*PAIR, *(replace(row, surface="u") for row in PAIR)]) is None
+    assert cause_of(replace(run, spurious=1), [*PAIR, *PAIR]) is None
+    apart = [*PAIR, missed("+", "-", outcome="matched", conditioning=2.0, time_error_s=0.0), *PAIR[:1], *PAIR]
+    assert cause_of(replace(run, matched=1), apart) is None
+    first = missed("+", "-", outcome="matched", conditioning=2.0, time_error_s=2.1e-3)
+    assert cause_of(replace(run, matched=1), [first, *PAIR[:1]]) == "heyoka-gap"
+    assert cause_of(replace(run, matched=1), [replace(first, time_error_s=1.9e-3), *PAIR[:1]]) is None
+    assert cause_of(replace(run, matched=1), [missed("+", "-", outcome="matched"), first, *PAIR[:1]]) is None
+
+
 def test_two_roots_around_another_surface_s_event_cancel_in_one_step() -> None:
     run = {"status": "failed", "status_reason": "a root of h was stepped over: it is -2.5e-19 at t = 1"}
     run |= {"missed": 3, "end_time_s": 1.0, "steps": 4.0}

@@ -12,20 +12,21 @@ import pytest
 from fakes import CASE, TIMES, Fake, case, truth
 
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import jobs, journal
+from henon_ref.harness.campaign import journal
 from henon_ref.harness.campaign.campaign import compare, compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.journal import FILE, SET_ASIDE, Journal, line_of, read
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.truth import compute
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 
 
 @pytest.fixture(autouse=True)
 def _made_up_truth(monkeypatch):
-    monkeypatch.setattr(jobs, "truth_of", truth)
+    monkeypatch.setattr(compute, "truth_for", truth)
 
 
 def run(*solvers: Fake, **options: object) -> Comparison:

@@ -40,8 +40,8 @@ def begun(folder: Path, case: str, behaviour: str) -> subprocess.Popen[str]:
         from fakes import Fake, truth
         from henon_ref.harness import registry
         from henon_ref.harness.cli import compare
-        from henon_ref.harness.campaign import jobs
-        jobs.truth_of = truth
+        from henon_ref.harness.truth import compute
+        compute.truth_for = truth
         registry.solver = lambda name: Fake(name, "right" if name == "henon" else {behaviour!r})
         sys.exit(compare.command(["{case}.yaml", "--out", "out", "--timeout", "600", "--no-figures"]))
         """)

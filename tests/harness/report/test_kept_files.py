@@ -255,8 +255,8 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
         from fakes import Fake, truth
         from henon_ref.harness import registry
         from henon_ref.harness.cli import compare
-        from henon_ref.harness.campaign import jobs
-        jobs.truth_of = truth
+        from henon_ref.harness.truth import compute
+        compute.truth_for = truth
         registry.solver = lambda name: Fake(name, "right" if name == "henon" else "hangs")
         sys.exit(compare.command(["made_up.yaml", "--out", "out", "--timeout", "600"]))
         """)

@@ -9,11 +9,11 @@ import pytest
 from fakes import Fake, case, truth
 
 from henon_ref.figures import style
-from henon_ref.harness.campaign import jobs
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.studies import page
+from henon_ref.harness.truth import compute
 
 CONTEXT = {"sections": [], "runs": 3, "loosest": "1e-3", "tightest": "1e-9", "origin": provenance("make it again")}
 
@@ -40,7 +40,7 @@ def test_a_page_stays_as_it_is_where_its_new_files_cannot_be_made(tmp_path: Path
 
 @pytest.mark.skipif(sys.platform != "linux", reason="made-up truths reach workers by fork")
 def test_rows_are_given_by_case_in_the_order_of_the_cases(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jobs, "truth_of", truth)
+    monkeypatch.setattr(compute, "truth_for", truth)
     cases = [case("b"), case("a")]
     options = Options(solvers=(Fake("one"), Fake("two")), processes=1, timed=False)
     found = page.rows_of(cases, options, ProgressLine(None))

@@ -1,9 +1,10 @@
-"""The stored truths: complete, and those of Fig. 8 against the numbers of the paper's listing and equations."""
+"""The stored truths: complete, and against the numbers of Fig. 8's listing and equations, and elliptic integrals."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import mpmath
 import pytest
 
 from henon_ref.casefile.case import load_case
@@ -16,10 +17,10 @@ FILE = CASES / "fig8.yaml"
 PERIOD = 1.64853333333333333
 
 
-def stored(reading: str) -> Truth:
-    case = load_case(FILE)
-    truth = compute.stored_truth(case, case.reading(reading), store.folder_of(FILE))
-    assert truth is not None, f"run henon-ref truth {FILE}"
+def stored(reading: str, file: Path = FILE) -> Truth:
+    case = load_case(file)
+    truth = compute.stored_truth(case, case.reading(reading), store.folder_of(file))
+    assert truth is not None, f"run henon-ref truth {file}"
     return truth
 
 
@@ -64,3 +65,17 @@ def test_crossings_of_the_equations_tend_to_the_period_one_orbit() -> None:
     assert down.time % PERIOD == pytest.approx(0.9327451920, abs=1e-7)
     assert float(up.state[0]) == pytest.approx(-0.2115827055, abs=1e-7)
     assert float(down.state[0]) == pytest.approx(0.2488513875, abs=1e-7)
+
+
+def test_a_pendulum_passes_an_angle_at_times_of_elliptic_integrals() -> None:
+    """sin(x / 2) = k sn(K - t), k^2 = 1/2: from a right angle at rest, the times at which x = -1."""
+    truth = stored("default", CASES / "hard" / "symmetric_start.yaml")
+    assert truth.certified
+    with mpmath.workdps(50):
+        half = mpmath.mpf(1) / 2
+        quarter = mpmath.ellipk(half)
+        beyond = mpmath.ellipf(mpmath.asin(mpmath.sqrt(2) * mpmath.sin(half)), half)
+        exact = [(4 * k + 2) * quarter + sign * (quarter - beyond) for k in range(3) for sign in (-1, 1)]
+        assert exact[-1] < 20 < exact[0] + 12 * quarter
+        for transition, time in zip(truth.transitions, exact, strict=True):
+            assert abs(mpmath.mpf(transition.time_digits) - time) <= transition.radius <= 1e-38

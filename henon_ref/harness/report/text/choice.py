@@ -9,11 +9,12 @@ from statistics import median
 from typing import Any
 from urllib.parse import quote
 
+from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import REPORT
 from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, solvers_of
 from henon_ref.harness.rows import number
-from henon_ref.harness.score.ranking import LEVELS, by_solver, grouped, readings_of
+from henon_ref.harness.score.ranking import LEVELS, by_solver, readings_of
 from henon_ref.harness.score.reference import KINDS
 from henon_ref.harness.table import Table, count, digits, duration, significant
 from henon_ref.text import code, markdown

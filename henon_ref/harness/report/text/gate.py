@@ -6,10 +6,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree
 
+from henon_ref.grouping import grouped
 from henon_ref.harness.result_files import csv_field
 from henon_ref.harness.rows import RunRow, number
 from henon_ref.harness.score.gate import Demand, Gate, RowKind
-from henon_ref.harness.score.ranking import grouped, right
+from henon_ref.harness.score.ranking import right
 from henon_ref.harness.table import Table, digits, listing, setting
 from henon_ref.text import code, markdown, short_line
 

@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.errors import CaseError
+from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS, mapping
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
 from henon_ref.harness.rows import ReadingRow, RunRow
-from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, grouped, reaching, readings_of
+from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, reaching, readings_of
 from henon_ref.text import message
 
 

@@ -8,8 +8,8 @@ from math import log2
 import sympy as sp
 
 from henon_ref.errors import ModelError
+from henon_ref.grouping import grouped
 from henon_ref.harness.campaign.comparison import ReadingResult
-from henon_ref.harness.score.ranking import grouped
 from henon_ref.harness.table import Table
 from henon_ref.integrator.integrator import local_error, order_for
 from henon_ref.jit.ir_writer import count

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from henon_ref.baselines.causes import CAUSES
+from henon_ref.grouping import grouped
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
@@ -17,7 +18,6 @@ from henon_ref.harness.score.ranking import (
     by_solver,
     cheapest,
     floor,
-    grouped,
     most_accurate,
     right,
 )

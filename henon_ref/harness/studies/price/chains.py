@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from henon_ref.figures import style
+from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.timing import Turns, interleaved, timed
 from henon_ref.harness.rows import Row
-from henon_ref.harness.score.ranking import by_solver, grouped
+from henon_ref.harness.score.ranking import by_solver
 from henon_ref.harness.studies.page import draw_line, finish, fitted, largest_time_difference, shipped_problem
 from henon_ref.harness.studies.pairs import FIRST, own_part
 from henon_ref.harness.table import Table, duration

@@ -1,4 +1,8 @@
-"""Conversion of SymPy expressions and exact numbers to heyoka, at any precision."""
+"""Conversion of SymPy expressions and exact numbers to heyoka, at any precision.
+
+The compared solver has its own conversion, with constants rounded to doubles (``baselines/heyoka_taylor.py``): an error
+there cannot also be in the truth.
+"""
 
 from __future__ import annotations
 

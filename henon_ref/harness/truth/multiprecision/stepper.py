@@ -32,6 +32,9 @@ from henon_ref.taylor.tape import TIME
 PIECES = 16
 """Subintervals of a step on which double precision first tries to show that a guard has no root."""
 
+BEFORE_LAST = 2.0**20
+"""Bound of the two coefficients before the last two [roundings of the state]; without a gap they are below 2^12."""
+
 
 @dataclass(frozen=True)
 class Step:
@@ -177,13 +180,17 @@ class Stepper:
     def _trusted(self, step: Step) -> bool:
         """Check whether the polynomials approximate the solution on the whole step.
 
-        heyoka chooses the length from the last coefficients, assuming that later ones are smaller. If a drive is almost
-        constant at first (a pulse in the far future, with tiny derivatives now), later coefficients are larger, and the
-        step would miss the pulse. For rows whose coefficients do not decrease, Lagrange's remainder of order
-        ``series.ORDER`` is therefore enclosed over the step; accepted are 1000 times the solution's change on the
-        step, and rounding.
+        heyoka chooses the length from the last two coefficients, which are then of the size of rounding. If a symmetry
+        of the state makes them zero, those before them may be large: the step is too long. heyoka also assumes that
+        later coefficients are smaller. If a drive is almost constant at first (a pulse in the far future, with tiny
+        derivatives now), later coefficients are larger, and the step would miss the pulse. For rows whose coefficients
+        do not decrease, Lagrange's remainder of order ``series.ORDER`` is therefore enclosed over the step; accepted
+        are 1000 times the solution's change on the step, and rounding.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
+        size = max(1.0, float(np.abs(step.rough[:, 0]).max()))
+        if max(float(max(c[0], c[1])) for c in tails) > BEFORE_LAST * 2.0**-self.bits * size:
+            return False
         rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
         rows = [i for i in rows if not self._is_parabola(i)]
         if not rows:

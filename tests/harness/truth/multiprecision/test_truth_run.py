@@ -93,6 +93,14 @@ def test_a_sleeping_drive_is_not_leapt_over(problem: Callable[..., Problem]) -> 
     assert times_apart(run, [10 - sp.sqrt(sp.log(2)) / 10])[0] < DIGITS
 
 
+@pytest.mark.parametrize("bits", [224, 256])
+def test_coefficients_that_are_zero_by_symmetry_limit_no_step(bits: int, problem: Callable[..., Problem]) -> None:
+    """x'' = -x^3 from (0, 1): one coefficient of four is not zero; at 224 bits the last two are zero for x and v."""
+    run = simulate(problem("x v", ["v", "-x^3"], {"s": "v"}, [0, 1], 6), bits)
+    quarter = 2 ** sp.Rational(1, 4) * sp.gamma(sp.Rational(1, 4)) ** 2 / (4 * sp.sqrt(2 * sp.pi))
+    assert max(times_apart(run, [quarter, 3 * quarter])) < 1e-60
+
+
 def test_simultaneous_events_are_one_instant(problem: Callable[..., Problem]) -> None:
     fields = ["-1 + 0*s", "-1/3 + 0*u"]
     run = simulate(problem("x y", fields, {"s": "x", "u": "y"}, ["1/3", "1/9"], 1), BITS)
