@@ -168,10 +168,10 @@ class ModeConstants:
 
     def update(self) -> LoopData:
         """Include the modes that have been compiled since the last update."""
-        with one_at_a_time(), compiling():
-            if self.latest.compiled is not self.table.compiled:
+        if self.latest.compiled is not self.table.compiled:
+            with one_at_a_time(), compiling():
                 self.latest = self.programs.loop().at(self.values) or self._in_balls()
-            return self.latest
+        return self.latest
 
     def _in_balls(self) -> LoopData:
         """Return data for constants that :meth:`LoopProgram.at` does not compute."""
