@@ -250,7 +250,8 @@ def _pairs_of_parameters(parameters: Mapping[Any, Any] | None) -> tuple[Pair, ..
 def _exact_numbers(point: Sequence[Any], names: tuple[str, ...], given: tuple[Pair, ...]) -> list[Any]:
     """Return the exact numbers of a point (:meth:`QuickStart._read`) at changed parameters."""
     changed = _numbers(names, given)
-    return [value.exact(changed) if isinstance(value, Number) else exact_number(value) for value in point]
+    with one_at_a_time():
+        return [value.exact(changed) if isinstance(value, Number) else exact_number(value) for value in point]
 
 
 def _numbers(names: Iterable[str], pairs: Iterable[Pair]) -> dict[str, float]:
