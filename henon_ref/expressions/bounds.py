@@ -243,8 +243,20 @@ def double_double(number: sp.Expr) -> tuple[float, float]:
 
     ModelError if it is not a finite real number.
     """
+    if number.is_Rational and (found := quotient(int(number.p), int(number.q))) is not None:
+        return found
     rest = sp.N(number, 50)
     if not rest.is_number or not rest.is_real or not rest.is_finite:
         raise ModelError(f"not a finite real number: {number}")
     high = float(rest)
     return high, float(rest - sp.Float(high, 50))
+
+
+def quotient(numerator: int, denominator: int) -> tuple[float, float] | None:
+    """Return a quotient of integers as the nearest double and the nearest double to the rest; None if it overflows."""
+    try:
+        high = numerator / denominator
+        p, q = high.as_integer_ratio()
+        return high, (numerator * q - p * denominator) / (denominator * q)
+    except OverflowError:
+        return None

@@ -233,7 +233,14 @@ def _ball(number: sp.Expr) -> arb:
     """Return an exact number as a ball; irrational numbers to 90 digits."""
     if number.is_Rational:
         return arb(fmpq(int(number.p), int(number.q)))
-    return arb(str(sp.N(number, 90))) + arb(0, 10.0**-90 * abs(float(number)))
+    digits, error = _digits(number)
+    return arb(digits) + arb(0, error)
+
+
+@lru_cache(maxsize=1024)
+def _digits(number: sp.Expr) -> tuple[str, float]:
+    """Return 90 digits of an irrational number, and a bound of their error."""
+    return str(sp.N(number, 90)), 10.0**-90 * abs(float(number))
 
 
 def _evaluate(operation: Sequence[int], registers: NDArray[np.float64]) -> None:

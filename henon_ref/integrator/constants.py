@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from itertools import chain
 from struct import Struct
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -25,6 +25,7 @@ from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
     from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
+    from henon_ref.integrator.start_mode import StartMode
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
 
@@ -167,10 +168,10 @@ class ModeConstants:
 
     def update(self) -> LoopData:
         """Include the modes that have been compiled since the last update."""
-        with one_at_a_time(), compiling():
-            if self.latest.compiled is not self.table.compiled:
+        if self.latest.compiled is not self.table.compiled:
+            with one_at_a_time(), compiling():
                 self.latest = self.programs.loop().at(self.values) or self._in_balls()
-            return self.latest
+        return self.latest
 
     def _in_balls(self) -> LoopData:
         """Return data for constants that :meth:`LoopProgram.at` does not compute."""
@@ -213,6 +214,13 @@ class ModeConstants:
     def in_doubles(self) -> ModeEvaluation:
         """Modes in double precision."""
         return self.programs.shared_tapes.in_doubles(self.values[::2])
+
+    @cached_property
+    def start_mode(self) -> Callable[..., StartMode]:
+        """:func:`henon_ref.integrator.start_mode.start_mode` in these modes; the last 16 results are cached."""
+        from henon_ref.integrator.start_mode import start_mode  # rarely needed
+
+        return lru_cache(maxsize=16)(partial(start_mode, self.in_doubles))
 
     @cached_property
     def precise(self) -> PreciseModes:

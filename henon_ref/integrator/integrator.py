@@ -30,7 +30,7 @@ from henon_ref.modes.resets import REMAINING
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
 from henon_ref.roots.multiprecision import BITS
-from henon_ref.trajectory import Status, Trajectory
+from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """Limit on steps that no run reaches."""
@@ -278,39 +278,21 @@ def _decided(
     constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None], given: Mapping[int, int]
 ) -> Trajectory | None:
     """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
-    from henon_ref.modes.selection import contact_orders, mode_by_signs, stays  # rarely needed
-
-    table, system = constants.table, constants.table.system
-    count, t = len(system.surfaces), workspace.run.time
-    x = workspace.state[STATE_PLACE : STATE_PLACE + len(system.states)].tolist()
-
-    def ended(reason: str, status: Status = "failed") -> Trajectory:
-        return Trajectory(status, (), t, tuple(x), (0,) * count, reason)
-
-    known = [1 if sign is None else sign for sign in signs]
-    surfaces, valid = known[:count], known[count:]
-    at = constants.in_doubles.at(t, x)
-    decision = mode_by_signs(at, surfaces, valid, given)
-    unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
-    for i, sign in enumerate(signs):
-        if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
-            what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
-            return ended(f"{what} has no finite real value at the start")
-    if decision.mode is None:
-        return ended(decision.reason, decision.ending)
-    row = table.row(decision.mode)
-    if row is None:
-        return ended("the mode at the start has no equations")
-    active, edges = ([i for i, sign in enumerate(signs) if sign == 0] for signs in (surfaces, valid))
+    table, t = constants.table, workspace.run.time
+    states, surfaces = len(table.system.states), len(table.system.surfaces)
+    x = tuple(workspace.state[STATE_PLACE : STATE_PLACE + states].tolist())
+    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()))
+    row = None if found.mode is None else table.row(found.mode)
+    if found.mode is None or row is None:
+        reason = found.reason or "the mode at the start has no equations"
+        return Trajectory(found.status, (), t, x, (0,) * surfaces, reason)
     _enter(constants, workspace, row, -1)
-    if active or edges:
-        orders, first = contact_orders(at, decision.mode, active, edges), STATE_PLACE + 3 * len(x)
-        zeros = [orders[place] if place >= 0 else 0 for place in table.places(decision.mode)]
+    if found.orders:
+        first = STATE_PLACE + 3 * states
+        zeros = [found.orders[place] if place >= 0 else 0 for place in table.places(found.mode)]
         workspace.state[first : first + len(zeros)].view(np.int64)[:] = zeros
-        for guard, order in zip(system.guards(decision.mode), orders, strict=True):
-            i = guard.index
-            if guard.kind == "surface" and i in active and (order > 1 or stays(at, decision.mode, i)):
-                _record_rounding(constants, workspace, decision.mode, i)
+    for surface in found.still:
+        _record_rounding(constants, workspace, found.mode, surface)
     return None
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import ArrayLike, NDArray
 
-from henon_ref.expressions.bounds import double_double
+from henon_ref.expressions.bounds import double_double, quotient
 
 Pair = tuple[float, float]
 """Number as its nearest double and the remainder."""
@@ -37,7 +37,7 @@ def pair_of(value: Any) -> Pair | None:
     if isinstance(value, float):  # NumPy's doubles are
         value = float(value)
         return (value, 0.0) if -SHORT < value < SHORT and (value * 256.0).is_integer() else _printed(value)
-    return _rational(value.numerator, value.denominator) if type(value) is Fraction else None
+    return quotient(value.numerator, value.denominator) if type(value) is Fraction else None
 
 
 def pairs_of(values: Collection[Any]) -> tuple[Pair, ...] | None:
@@ -82,16 +82,6 @@ def decimal_pairs(values: ArrayLike) -> NDArray[np.float64]:
     lows = [(_printed(value) or (value, 0.0))[1] for value in different.tolist()]
     found[decimals, 1] = np.array(lows, dtype=np.float64)[places.ravel()]
     return found
-
-
-def _rational(numerator: int, denominator: int) -> Pair | None:
-    """Return a quotient of integers as a pair; None if it overflows."""
-    try:
-        high = numerator / denominator
-        p, q = high.as_integer_ratio()
-        return high, (numerator * q - p * denominator) / (denominator * q)
-    except OverflowError:
-        return None
 
 
 @lru_cache(maxsize=256)  # most of many runs have the same initial values and horizon

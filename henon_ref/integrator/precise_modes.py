@@ -22,7 +22,14 @@ from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.mode_evaluation import GuardsAndTape, ModeEvaluation, TapePoint, guards_and_tape
+from henon_ref.modes.mode_evaluation import (
+    GuardsAndTape,
+    ModeEvaluation,
+    SharedTape,
+    TapePoint,
+    guards_and_tape,
+    shared_tape,
+)
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.roots.multiprecision import BITS
@@ -52,7 +59,6 @@ class SharedTapes:
 
     def __init__(self, system: FilippovSystem, parameters: tuple[sp.Symbol, ...]) -> None:
         self.system, self._parameters = system, parameters
-        self._programs: dict[int, tuple[Tape, ConstantProgram]] = {}
 
     def in_doubles(self, values: tuple[float, ...]) -> ModeEvaluation:
         """Return the modes in double precision at parameter values."""
@@ -62,12 +68,16 @@ class SharedTapes:
         """Return the modes in ball arithmetic of the working precision at exact parameter values."""
         return _InBalls(self, BALLS, values)
 
-    def constants(self, tape: Tape) -> ConstantProgram:
-        """Return the program of the constants of one of these tapes."""
-        if id(tape) not in self._programs:
-            with one_at_a_time():
-                self._programs[id(tape)] = tape, constant_program(self._parameters, tape.constants)
-        return self._programs[id(tape)][1]
+    @cached_method
+    def shared(self) -> SharedTape | None:
+        with one_at_a_time():
+            return shared_tape(self.system)
+
+    @cached_method
+    def constants(self, expressions: tuple[sp.Expr, ...]) -> ConstantProgram:
+        """Write a program of constants of these tapes."""
+        with one_at_a_time():
+            return constant_program(self._parameters, expressions)
 
     @cached_method
     def mode(self, mode: Mode) -> GuardsAndTape | None:
@@ -95,8 +105,11 @@ class _InDoubles(ModeEvaluation):
     def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
         return self._tapes.mode(mode)
 
-    def constants(self, tape: Tape) -> list[Any]:
-        program = self._tapes.constants(tape)
+    def shared(self) -> SharedTape | None:
+        return self._tapes.shared()
+
+    def constants(self, expressions: tuple[sp.Expr, ...]) -> list[Any]:
+        program = self._tapes.constants(expressions)
         registers = program.registers(np.array([self._values]))[0]
         found: list[float] = registers[program.places, 0].tolist()
         return found
@@ -107,12 +120,12 @@ class _InDoubles(ModeEvaluation):
 
 
 class _InBalls(_InDoubles):
-    def constants(self, tape: Tape) -> list[Any]:
-        return [ball.mid() for ball in self._tapes.constants(tape).balls(self._values)]
+    def constants(self, expressions: tuple[sp.Expr, ...]) -> list[Any]:
+        return [ball.mid() for ball in self._tapes.constants(expressions).balls(self._values)]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         tape = self._tapes.tape(tuple(names), tuple(expressions))
-        numbers = self.constants(tape)
+        numbers = self.constants(tape.constants)
 
         def values(t: arb, *x: arb | int) -> list[arb]:
             return [series[0] for series in expand(tape, numbers, t, [arb(v) for v in x], 0, BALL)[1]]

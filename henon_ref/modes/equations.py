@@ -13,6 +13,7 @@ from typing import Literal
 
 import sympy as sp
 
+from henon_ref.method_cache import cached_method
 from henon_ref.modes.mode import Mode
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME, Tape
@@ -80,9 +81,13 @@ class ModeTape:
 
     def constant(self, at: int, mode: Mode) -> sp.Expr:
         """Return a constant in a mode, in parameters."""
+        return self._constant(at, tuple([mode[i] for i in self.owners[at]]))
+
+    @cached_method
+    def _constant(self, at: int, own: Mode) -> sp.Expr:
         values: dict[sp.Symbol, sp.Expr] = {}
-        for i in self.owners[at]:
-            values |= self.entries[i][mode[i] + 1]
+        for i, entry in zip(self.owners[at], own, strict=True):
+            values |= self.entries[i][entry + 1]
         return self.tape.constants[at].xreplace(values)
 
 

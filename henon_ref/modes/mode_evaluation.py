@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
 GuardsAndTape = tuple[tuple[Guard, ...], Tape]
+SharedTape = tuple["SwitchedEquations", ModeTape]
 
 
 def guards_and_tape(system: FilippovSystem, mode: Mode) -> GuardsAndTape | None:
@@ -39,6 +40,14 @@ def guards_and_tape(system: FilippovSystem, mode: Mode) -> GuardsAndTape | None:
     except ModelError:
         return None
     return equations.guards, build_tape(system.states, equations.field, [g.expression for g in equations.guards])
+
+
+def shared_tape(system: FilippovSystem) -> SharedTape | None:
+    """Return the equations and the tape that all modes of a system share; None if it has none."""
+    made = system.switched
+    if made is None:
+        return None
+    return made, ModeTape(build_tape(system.states, made.field, made.outputs, made.definitions), made.entries)
 
 
 def in_doubles(system: FilippovSystem) -> ModeEvaluation:
@@ -74,14 +83,14 @@ class ModeEvaluation:
 
     def __init__(self, system: FilippovSystem, arithmetic: Arithmetic) -> None:
         self.system, self.arithmetic = system, arithmetic
-        self._numbers: dict[tuple[int, tuple[int, ...]], Any] = {}
+        self._numbers: dict[sp.Expr, Any] = {}
 
     def guards_and_tape(self, mode: Mode) -> GuardsAndTape | None:
         return guards_and_tape(self.system, mode)
 
-    def constants(self, tape: Tape) -> list[Any]:
-        """Return the constants of a tape."""
-        return [float(self.system.numeric(c)) for c in tape.constants]
+    def constants(self, expressions: tuple[sp.Expr, ...]) -> list[Any]:
+        """Return constants of a tape as numbers."""
+        return [float(self.system.numeric(c)) for c in expressions]
 
     def function(self, names: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> Callable[..., list[Any]]:
         """Return (t, *names) -> values of expressions, which raises ``ARITHMETIC`` if one has none."""
@@ -104,10 +113,11 @@ class ModeEvaluation:
     def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
         """Return the guards, tape and constants of a mode; None if it has no equations."""
         with one_at_a_time():
-            if self._shared is not None:
-                return self._of_shared(mode, *self._shared)
+            shared = self.shared()
+            if shared is not None:
+                return self._of_shared(mode, *shared)
             made = self.guards_and_tape(mode)
-            return None if made is None else (*made, self.constants(made[1]))
+            return None if made is None else (*made, self.constants(made[1].constants))
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
         """Return the guards of a mode; None if it has no equations."""
@@ -121,26 +131,20 @@ class ModeEvaluation:
             raise ValueError("the mode has no equations")
         return made[1], made[2]
 
-    @cached_property
-    def _shared(self) -> tuple[SwitchedEquations, ModeTape] | None:
-        made = self.system.switched
-        if made is None:
-            return None
-        tape = build_tape(self.system.states, made.field, made.outputs, made.definitions)
-        return made, ModeTape(tape, made.entries)
+    @cached_method
+    def shared(self) -> SharedTape | None:
+        return shared_tape(self.system)
 
     def _of_shared(
         self, mode: Mode, made: SwitchedEquations, shared: ModeTape
     ) -> tuple[tuple[Guard, ...], Tape, list[Any]]:
         """Return a mode's guards, its part of the shared tape, and its constants, each computed once."""
         own = tuple(shared.tape.outputs[row] for row in made.rows(mode))
-        numbers = []
-        for at, surfaces in enumerate(shared.owners):
-            key = at, tuple(mode[i] for i in surfaces)
-            if key not in self._numbers:
-                alone = replace(shared.tape, constants=(shared.constant(at, mode),))
-                self._numbers[key] = self.constants(alone)[0]
-            numbers.append(self._numbers[key])
+        constants = [shared.constant(at, mode) for at in range(len(shared.tape.constants))]
+        for constant in constants:
+            if constant not in self._numbers:
+                self._numbers[constant] = self.constants((constant,))[0]
+        numbers = [self._numbers[constant] for constant in constants]
         return made.own_guards(mode), replace(shared.tape, outputs=own), numbers
 
     @cached_method

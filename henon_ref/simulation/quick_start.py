@@ -1,15 +1,17 @@
 """Start of a run from plain Python numbers, in microseconds; reading general arguments takes a millisecond.
 
-Parameters that are expressions in other parameters follow changed ones (:func:`following`, :class:`Number`).
+Parameters that are expressions in other parameters follow changed ones (:func:`following`, :class:`Number`). Initial
+values, initial time and horizon may also be text, which is read once.
 
-Arguments that need the reader (values other than int and float, unknown names, constants that are not finite) are left
-to it (:mod:`henon_ref.simulation.arguments`); it also reports errors.
+Arguments that need the reader (values of other types, unknown names, constants that are not finite) are left to it
+(:mod:`henon_ref.simulation.arguments`); it also reports errors.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property, lru_cache, partial
 from graphlib import TopologicalSorter
@@ -20,14 +22,15 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.errors import ModelError
+from henon_ref.errors import HenonRefError, ModelError
 from henon_ref.expressions.bounds import double_double
-from henon_ref.integrator.constant_program import constant_program
+from henon_ref.expressions.evaluation import parse_expression
+from henon_ref.integrator.constant_program import BITS, constant_program
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start, run_template
-from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pairs_of
+from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of, pairs_of
 from henon_ref.kernel.shared import kernel
-from henon_ref.precision import one_at_a_time
+from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.simulation.system import System
 
 CLEARLY = 1e-9
@@ -63,10 +66,11 @@ class Number:
         if self._program is None:
             return double_double(self._expression)
         if all(map(math.isfinite, point)):
-            (exact,) = self._program.exact_values([exact_expression(value) for value in point])
-            high = float(exact)
-            if math.isfinite(high):
-                return high, float(exact - high)
+            with working_precision(BITS):  # also for the difference, whose nearest double is wanted
+                (exact,) = self._program.exact_values([exact_expression(value) for value in point])
+                high = float(exact)
+                if math.isfinite(high):
+                    return high, float(exact - high)
         return math.nan, 0.0
 
     def pairs(self, columns: Mapping[str, NDArray[np.float64]], count: int) -> NDArray[np.float64]:
@@ -97,6 +101,7 @@ class QuickStart:
         # The argument of a kink may lie at the edge of its domain, which decides whether its sign is open.
         self._in_kinks = bool(system.model.kinks) and not programs.start.is_rational
         self._changes, self._constants = lru_cache(64)(self._changes_of), lru_cache(64)(self._made)
+        self._number = lru_cache(1024)(self._number_of)
 
     def __call__(
         self,
@@ -110,22 +115,59 @@ class QuickStart:
         plain = type(initial) is dict and (parameters is None or type(parameters) is dict)
         if not plain or not (mode is None or type(mode) is dict) or len(initial) != len(self._system.state):
             return None
-        point = start, *map(initial.get, self._system.state)
-        numbers = pairs_of((until, *point))
-        if numbers is None:
+        point = until, start, *map(initial.get, self._system.state)
+        names, given = tuple(parameters or ()), _pairs_of_parameters(parameters)
+        if given is None:
             return None
+        numbers = pairs_of(point)
+        if numbers is None:
+            read = self._read(point, names, given)
+            if read is None:
+                return None
+            point, numbers = read
         end, time = numbers[:2]
         if not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
-        constants, given = self._constants_of(parameters), self._entries(mode) if mode else {}
-        if constants is None or given is None:
+        constants, entries = self._constants(names, given), self._entries(mode) if mode else {}
+        if constants is None or entries is None:
             return None
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(numbers[1:]):
             return None
-        exact = lambda: list(map(exact_number, point))  # noqa: E731
-        found = self.integrator.begin_at(constants, self._template, numbers, exact, given)
-        wrong = found.refused is not None and (given or found.refused.status == "failed")
+        exact = partial(_exact_numbers, point[1:], names, given)
+        found = self.integrator.begin_at(constants, self._template, numbers, exact, entries)
+        wrong = found.refused is not None and (entries or found.refused.status == "failed")
         return None if wrong else found  # the reader reports the error
+
+    def _read(
+        self, values: Iterable[Any], names: tuple[str, ...], given: tuple[Pair, ...]
+    ) -> tuple[tuple[Any, ...], tuple[Pair, ...]] | None:
+        """Return values with a :class:`Number` for each text, and all of them as pairs; None if one needs the reader.
+
+        ``names``, ``given``: changed parameters.
+        """
+        point, pairs, changed = list[Any](), list[Pair](), _numbers(names, given)
+        for value in values:
+            number = self._number(value, names) if isinstance(value, str) else value
+            if isinstance(number, Number):
+                pair: Pair | None = number.pair([changed[name] for name in number.names])
+            else:
+                pair = pair_of(number)
+            if pair is None or not math.isfinite(pair[0]):
+                return None
+            point.append(number)
+            pairs.append(pair)
+        return tuple(point), tuple(pairs)
+
+    def _number_of(self, text: str, changed: tuple[str, ...]) -> Number | None:
+        """Return a text as a number, in terms of changed parameters; None if it needs the reader."""
+        system, symbols = self._system, {symbol.name: symbol for symbol in self._own}
+        with one_at_a_time(), suppress(HenonRefError):
+            if not changed:
+                return Number(system.number(text))
+            own = system.model.parameter_values | following(system, frozenset(changed))
+            known = {symbols[name]: value for name, value in own.items() if name not in changed}
+            return Number(parse_expression(text, symbols).xreplace(known))
+        return None
 
     def _entries(self, mode: Mapping[Any, Any]) -> dict[int, int] | None:
         """Return a mode by index of the surfaces; None if it is invalid."""
@@ -133,16 +175,6 @@ class QuickStart:
         if any(name not in names or type(entry) is not int or entry not in (-1, 0, 1) for name, entry in mode.items()):
             return None
         return {names.index(name): entry for name, entry in mode.items()}
-
-    def _constants_of(self, parameters: Mapping[Any, Any] | None) -> ModeConstants | None:
-        """Return the constants at the system's values, some of them changed; None if the values need the reader.
-
-        (Fractions need it: the exact value of a decimal number follows from its double, that of a fraction does not.)
-        """
-        if not parameters:
-            return self._constants((), ())
-        given = None if Fraction in map(type, parameters.values()) else pairs_of(parameters.values())
-        return None if given is None else self._constants(tuple(parameters), given)
 
     def _made(self, names: tuple[str, ...], given: tuple[Pair, ...]) -> ModeConstants | None:
         """Return the constants at changed values; None if they need the reader, or a constant is not finite."""
@@ -203,6 +235,23 @@ class QuickStart:
         known |= {name: exact_expression(value) for name, value in numbers.items()}
         known |= {name: own.exact(numbers) for name, own in changes[0].items()}
         return [known[symbol.name] for symbol in self.integrator.programs.parameters]
+
+
+def _pairs_of_parameters(parameters: Mapping[Any, Any] | None) -> tuple[Pair, ...] | None:
+    """Return changed parameters as pairs; None if they need the reader.
+
+    (Fractions need it: the exact value of a decimal number follows from its double, that of a fraction does not.)
+    """
+    if not parameters:
+        return ()
+    return None if Fraction in map(type, parameters.values()) else pairs_of(parameters.values())
+
+
+def _exact_numbers(point: Sequence[Any], names: tuple[str, ...], given: tuple[Pair, ...]) -> list[Any]:
+    """Return the exact numbers of a point (:meth:`QuickStart._read`) at changed parameters."""
+    changed = _numbers(names, given)
+    with one_at_a_time():
+        return [value.exact(changed) if isinstance(value, Number) else exact_number(value) for value in point]
 
 
 def _numbers(names: Iterable[str], pairs: Iterable[Pair]) -> dict[str, float]:

@@ -22,10 +22,14 @@ def test_they_are_those_of_exact_numbers() -> None:
     for k in range(2000):
         value = draw.uniform(-1, 1) * 10.0 ** draw.randint(-300, 300)
         value = draw.choice([value, round(value, 3), draw.randint(-(10**8), 10**8) / 2 ** draw.randint(0, 12)])
-        assert pairs.pair_of(value) == double_double(sp.Rational(repr(value)))
         fraction = Fraction(draw.randint(-(10**9), 10**9), draw.randint(1, 10**6))
-        assert pairs.pair_of(fraction) == double_double(sp.Rational(fraction))
-        assert pairs.pair_of(k**4) == double_double(sp.Integer(k**4))
+        for number, exact in ((value, Fraction(repr(value))), (fraction, fraction), (k**4, Fraction(k**4))):
+            wanted = float(exact), float(exact - Fraction(float(exact)))
+            assert pairs.pair_of(number) == double_double(sp.Rational(exact)) == wanted
+
+
+def test_a_remainder_has_all_its_digits_where_it_is_small() -> None:
+    assert double_double(sp.Rational(3, 2) - sp.Rational(5, 10**41)) == (1.5, -5e-41)
 
 
 def test_what_is_none_of_these_is_left_to_others() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
+from henon_ref.integrator import start_mode
 from henon_ref.integrator.constants import LoopProgram, ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
@@ -230,3 +232,24 @@ def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
     problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
     with pytest.raises(ModelError, match="values of its parameters"):
         Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)
+
+
+def test_a_start_on_surfaces_is_decided_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = hr.System(["x", "y"], {"a": 1, "b": 2}, {"s": "x", "u": "y"}, ["a*t - s", "b*t - u"])
+    real, decided = start_mode.mode_by_signs, list[object]()
+    monkeypatch.setattr(start_mode, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
+    hr.simulate(pair, {"x": 1, "y": 1}, until=0.1)  # the first run of a system prepares the starts of later ones
+    starts: list[dict[str, Any]] = [
+        {"start": 0},
+        {"start": 0, "until": 2},
+        {"start": 2},
+        {"start": 0, "parameters": {"a": 3}},
+    ]
+    counts, ends = [], []
+    for given in (*starts, *starts):
+        run = hr.simulate(pair, {"x": 0, "y": 0}, **{"until": 4, **given})
+        counts.append(len(decided))
+        ends.append(run.y.tolist())
+    assert counts[4:] == [counts[3]] * 4
+    assert counts[3] == 3
+    assert ends[:4] == ends[4:]

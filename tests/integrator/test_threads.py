@@ -14,7 +14,9 @@ import pytest
 import sympy as sp
 from problems import make_problem
 
+import henon_ref as hr
 from henon_ref.casefile.case import load_case
+from henon_ref.harness.studies.price.chains import chain
 from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run, run_to_horizon
@@ -159,6 +161,19 @@ def test_another_problem_of_a_system_without_values_compiles_nothing(monkeypatch
     monkeypatch.setattr("henon_ref.modes.system.FilippovSystem.shared_equations", None)
     assert released(sp.Integer(2), integrator) == 0.5
     assert released(sp.Rational(1, 2), integrator) == 2.0
+
+
+def test_contacts_at_rest_are_decided_at_other_parameter_values_without_a_new_tape(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Four blocks at rest on a belt, in a row of springs: one tape for all modes."""
+    blocks = chain(4, 0.5)
+    start = [value for k in range(4) for value in (0.03 * k, 0.5)]
+    first = hr.simulate(blocks, start, until=0.01, parameters={"F": 2.0})
+    monkeypatch.setattr("henon_ref.modes.mode_evaluation.build_tape", None)
+    monkeypatch.setattr("henon_ref.integrator.precise_modes.constant_program", None)
+    other = hr.simulate(blocks, start, until=0.01, parameters={"F": 2.5})
+    assert first.final_mode == other.final_mode == "s1=0 s2=0 s3=0 s4=0"
 
 
 def test_what_was_compiled_before_changes_no_bit_of_a_run_through_more_modes_than_are_remembered() -> None:

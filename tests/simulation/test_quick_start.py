@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,7 +14,8 @@ import henon_ref as hr
 from henon_ref.simulation import launch as launching
 
 CASES = Path(__file__).parents[2] / "cases"
-BELT = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": "1/3"}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+BELT_FIELD = ["v", "-x - F*s/(1 + d*s*(v - vb))"]
+BELT = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": "1/3"}, {"s": "v - vb"}, BELT_FIELD)
 
 
 def warm(system: hr.System) -> hr.System:
@@ -168,9 +170,61 @@ def test_surfaces_that_are_no_polynomials_have_their_signs_from_programs(exact: 
     quick, slow = (hr.simulate(moving, given.pop("initial"), **given) for given in (number, text))
     assert everything(quick) == everything(slow)
     assert len(exact) == 1
-    on = [hr.simulate(moving, {"x": kind(0.7), "v": 0}, until=1) for kind in (float, str)]
+    on = [hr.simulate(moving, {"x": x, "v": 0}, until=1) for x in (0.7, Decimal("0.7"))]
     assert everything(on[0]) == everything(on[1])  # on the surface at t = 0, by balls
     assert len(exact) == 2
+
+
+TANGENT = {"x": "-F", "v": "vb"}
+
+
+@pytest.mark.parametrize(
+    ("initial", "parameters", "readings"),
+    [
+        ({"x": "1/3", "v": "sqrt(2)*vb - pi/7"}, None, 0),
+        (TANGENT, None, 0),
+        ({"x": "F/(F + d)", "v": "abs(atan2(1, -d))"}, None, 0),
+        ({"x": "F/(F + d)", "v": "abs(atan2(1, -d))"}, {"vb": 0.7}, 1),  # functions of numbers only
+        ({"x": "0.1", "v": 1}, {"vb": 0.7, "F": 1.3}, 0),
+        (TANGENT, {"vb": 0.7}, 0),
+        ({"x": "-F/7", "v": "vb"}, {"h": 0.4, "F": 1.1}, 0),  # a parameter that depends on a changed one
+        ({"x": "sqrt(F)", "v": "-h/3"}, {"h": 0.4, "F": 1.1}, 0),
+        ({"x": "1 - F", "v": "vb"}, {"F": 0.000101}, 0),
+        (TANGENT, {"vb": Fraction(7, 10)}, 1),
+        ({"x": Decimal("0.1"), "v": "vb"}, None, 1),
+    ],
+)
+def test_text_is_read_once(
+    initial: dict[str, object], parameters: dict[str, float] | None, readings: int, exact: list[object]
+) -> None:
+    """A system's first run reads text in the exact way."""
+    first, ready = (
+        hr.System(["x", "v"], {"F": 1, "d": 3, "h": "1/6", "vb": "2*h"}, {"s": "v - vb"}, BELT_FIELD) for _ in range(2)
+    )
+    warm(ready)
+    given = {"initial": initial, "until": "2*pi", "start": "-d/8", "parameters": parameters}
+    runs = [hr.simulate(first, **given)]
+    exact.clear()
+    runs += [hr.simulate(ready, **given)]
+    assert runs[0]._pairs == runs[1]._pairs
+    assert everything(runs[0]) == everything(runs[1])
+    assert len(exact) == readings
+
+
+def test_text_without_a_value_at_changed_parameters_is_refused() -> None:
+    warm(BELT)
+    hr.simulate(BELT, {"x": "sqrt(F)/d", "v": 1}, until=1, parameters={"F": 2})
+    for changed in ({"F": -1}, {"d": 0}, {"F": 2, "d": 0}):
+        with pytest.raises(hr.HenonRefError, match="'x'"):
+            hr.simulate(BELT, {"x": "sqrt(F)/d", "v": 1}, until=1, parameters=changed)
+
+
+@pytest.mark.parametrize("x", ["1/0", "F*", "q", "t", "log(-1)", "", "9" * 400])
+def test_text_that_is_no_number_is_refused_at_every_run(x: str) -> None:
+    warm(BELT)
+    for _ in range(2):
+        with pytest.raises(hr.HenonRefError, match="'x'"):
+            hr.simulate(BELT, {"x": x, "v": 0}, until=1)
 
 
 @pytest.mark.parametrize(
