@@ -51,14 +51,14 @@ class ModeCode:
     code: NativeModule
     degree: int
     """Degree of states and guards if they are polynomials in time of at most the order; otherwise 0."""
-    slopes: bool
-    """Whether it computes values and first derivatives alone, which releases and branch points need."""
     field_branches: bool
     """Whether the field contains operations with branch points."""
     guards_branch: tuple[bool, ...]
     """The same for each guard."""
     program: NDArray[np.int64] | None
     """Field and guards for evaluation in double-double, if compiled code supports them."""
+    own_gaps: NDArray[np.int64]
+    """Whether the series of each state and guard may end in a gap that is in no other."""
     jumps: ModeTape | None = None
     """Maps of the system's resets, if compiled code applies them."""
 
@@ -76,7 +76,8 @@ class ModeCode:
             "normal_velocities": self.code.address("probe"),
             "rounding": self.code.address("rounding"),
             "polynomial_degree": self.degree,
-            "slopes": self.code.address("slopes") if self.slopes else 0,
+            "slopes": self.code.address("slopes"),
+            "own_gaps": self.own_gaps.ctypes.data,
             "branches": int(self.field_branches or any(self.guards_branch)),
             "tape": 0 if self.program is None else self.program.ctypes.data,
             "guards_branch": int(any(self.guards_branch)),
@@ -102,8 +103,7 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
     else:
         entries = tuple(tuple({sign: sp.Integer(s)} for s in (-1, 0, 1)) for sign in system.signs)
     expansion = build_tape(system.states, equations.field, [g.expression for g in equations.guards])
-    releases = any(guard.kind == "release" for guard in equations.guards)
-    return _mode_code(system, order, expansion, build_tape(system.states, (), sides), entries, releases)
+    return _mode_code(system, order, expansion, build_tape(system.states, (), sides), entries)
 
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
@@ -114,7 +114,7 @@ def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, ord
     beside = {s: names[s] for i, s in enumerate(system.signs) if i in equations.crossed}
     expansion = _named_tape(system, equations.field, equations.outputs, equations.definitions, beside)
     probe = _named_tape(system, (), sides, (), names if equations.coupled else beside)
-    return _mode_code(system, order, expansion, probe, equations.entries, releases=True)
+    return _mode_code(system, order, expansion, probe, equations.entries)
 
 
 def _named_tape(
@@ -133,27 +133,28 @@ def _named_tape(
 
 
 def _mode_code(
-    system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: tuple[Entries, ...], releases: bool
+    system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: tuple[Entries, ...]
 ) -> ModeCode:
     n, nodes = len(system.states), expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
     field_branches = _has_branch_points(expansion, expansion.field)
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
-    slopes = releases or field_branches or any(guards_branch)
     large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
     loops = "looped " if large else ""
     parts = [
         Part(f"{loops}expansion", (expansion, n, order, "expansion")),
         Part(f"{loops}step end", (n, len(expansion.outputs), order, "closing")),
         Part(f"{loops}expansion", (probe, n, 0, "probe")),
+        Part(f"{loops}expansion", (expansion, n, 1, "slopes", int(kernel.row_length(order)))),
         Part("rounding", (expansion, n, "rounding")),
     ]
-    if slopes:
-        parts.append(Part(f"{loops}expansion", (expansion, n, 1, "slopes", int(kernel.row_length(order)))))
     code = machine_code(*parts, optimised=large or not_watched, simplified=not_watched and not large)
+    own_gaps = np.array(expansion.own_gaps(), dtype=np.int64)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
-    return ModeCode(*tapes, code, degree, slopes, field_branches, guards_branch, tape_program(expansion, max(degrees)))
+    return ModeCode(
+        *tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)), own_gaps
+    )
 
 
 def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:

@@ -100,6 +100,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         if (w->known_zeros[g] > zeros)
             zeros = w->known_zeros[g];
     alone = alone || zeros > 0 || w->mode->branches;
+    double last = run->unit; /* [s]: length of the last step */
     while (true) {
         if (run->steps >= stop_at)
             return BUDGET_SPENT;
@@ -124,7 +125,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
             }
         }
         w->gaps = false;
-        if (may_have_gaps(w)) {
+        if (may_have_gaps(w, theta * unit, last)) {
             double before = step_before_gaps(w, rows, smaller(theta, left / unit), &w->gaps);
             theta = w->gaps ? smaller(theta, before) : theta;
         }
@@ -153,7 +154,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         bool full = run->dense && record_step(w, step);
         add_to_time(run, step);
         run->steps += 1;
-        run->unit = smaller(step, 1e3 * unit);
+        run->unit = smaller(step, 1e3 * unit), last = step;
         if (full)
             return STEPS_FULL;
     }

@@ -160,9 +160,9 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
 
 /* Compare the expansion with a new one made at a place on the step.
  *
- * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
- * without branch points need no comparison. The step is "theta" units long. "relative": allowed error, as a part of the
- * sum of the terms.
+ * "slopes": code that computes only slopes and values; null if exponentials limit the step. "decreasing": all terms decrease, so that guards
+ * without branch points need no comparison. The step is "theta" units long. "relative": allowed error of a slope,
+ * as a part of the sum of its terms; that of a guard is AGREEMENT.
  */
 static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
                        double relative, struct agreement *found)
@@ -190,7 +190,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
         /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
-        double allowed = larger(relative * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
+        double allowed = larger((r < n ? relative : AGREEMENT) * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
         if (r >= n && !smooth && off > allowed) {
             if (!measured)
                 guard_rounding(w, code, end);
@@ -215,7 +215,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  * if some series has a gap.
  *
  * Then the expansion is compared with new ones, at the end of the step and within it, if some terms do not prove
- * convergence, or if the field or a guard has branch points ("slopes" is not null). Beyond a branch point the series of
+ * convergence, or if the field or a guard has branch points ("branches"). Beyond a branch point the series of
  * a square root continues as if there were none (its terms may decrease, or it may be a polynomial). If slopes of
  * states or values of guards differ from their prediction, the step is shortened and compared again. Guards without
  * branch points are not compared if all terms decrease, and on a step much shorter than the last one their differences
@@ -242,8 +242,9 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     double relative = AGREEMENT;
     if (w->gaps)
         relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
-    expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
-    bool checking = !decreasing || slopes;
+    bool exponentials = row_of(w, rows)[3] < UNLIMITED;
+    expand_code slopes = decreasing || !exponentials ? w->mode->slopes : NULL;
+    bool checking = !decreasing || w->mode->branches;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
         compare_at(w, theta, theta, slopes, decreasing, relative, &found);

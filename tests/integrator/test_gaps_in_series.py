@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 
 import mpmath
+import numpy as np
 import pytest
+import sympy as sp
 from scipy.special import ellipk
 
 import henon_ref as hr
+from henon_ref.harness.studies.price.chains import chain
+from henon_ref.taylor.tape import build_tape
 
 QUARTER = float(ellipk(0.5))
 """Quarter of the period of a pendulum that is released at a right angle; of x'' = -x^3 from (1, 0) it is this, too."""
@@ -58,3 +62,90 @@ def test_a_forcing_whose_series_begins_with_a_high_power(power: int, rtol: float
     exact = mpmath.quad(lambda t: mpmath.expj(t**power), mpmath.linspace(0, 2, 40))
     exact = [float(exact.real), float(exact.imag)]
     assert run.y[:, -1] == pytest.approx([math.cos(2), -math.sin(2), *exact], abs=close(rtol))
+
+
+def quadrature(field: str, from_: float, until: float) -> float:
+    """Integral of a field in t over an interval that begins in [-2, 0], to 1e-15."""
+    function = sp.lambdify("t", field.replace("^", "**"), "mpmath")
+    places = mpmath.linspace(from_, min(until, 2), 40)
+    if until > 2:
+        places += mpmath.linspace(2, until, 20)[1:]
+    return float(mpmath.quad(function, places))
+
+
+@TOLERANCES
+@pytest.mark.parametrize("near", ["1/10^16", "1/10^9", "1/1000"])
+@pytest.mark.parametrize("field", ["1/(1 + x^6)", "1 + x^5", "cos(x^4)", "sqrt(1 + x^8)"])
+def test_a_start_near_a_symmetric_state(field: str, near: str, rtol: float) -> None:
+    """The terms in a gap are not zero, and proportional to the distance. The time passed is the integral of 1/x'."""
+    run = hr.simulate(hr.System(["x"], {}, {}, [field]), {"x": near}, until=1, rtol=rtol)
+    passed = quadrature(f"1/({field})".replace("x", "t"), run.y[0, 0], run.y[0, -1])
+    assert passed == pytest.approx(1, abs=50 * rtol + 5e-12)
+
+
+@TOLERANCES
+@pytest.mark.parametrize("angle", [1.5708, 1.571, 1.57, 1.6])
+def test_a_pendulum_released_near_a_right_angle(angle: float, rtol: float) -> None:
+    run = hr.simulate(hr.System(["x", "v"], {}, {}, ["v", "-sin(x)"]), {"x": angle, "v": 0}, until=5, rtol=rtol)
+    x, v = run.y
+    assert v**2 / 2 - np.cos(x) == pytest.approx(-math.cos(angle), abs=50 * rtol + 5e-12)
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-6, 1e-10, 1e-12])
+@pytest.mark.parametrize("field", ["1/(1 + t^6)", "cos(t^3)", "sin(t^4)", "log(2 + t^6)", "sqrt(1 + t^8)"])
+def test_steps_that_begin_near_a_symmetric_state(field: str, rtol: float) -> None:
+    """Steps from many starts, some of which begin near t = 0."""
+    system = hr.System(["x"], {}, {}, [field])
+    after = quadrature(field, 0, 1.5)
+    for k in range(40):
+        start = -2 + k / 40
+        run = hr.simulate(system, {"x": 1}, start=start, until=1.5, rtol=rtol, dense_output=False)
+        assert run.y[0, -1] == pytest.approx(1 + after + quadrature(field, start, 0), abs=20 * rtol + 1e-13)
+
+
+@TOLERANCES
+@pytest.mark.parametrize("power", [8, 12, 16, 24, 40])
+def test_a_series_that_is_linear_up_to_its_order(power: int, rtol: float) -> None:
+    """The first term after the slope is of an order that the expansion may not reach; the sine limits the step."""
+    system = hr.System(["x", "y"], {}, {}, [f"log(2 + 7*x^{power})", "sin(t)"])
+    run = hr.simulate(system, {"x": 0, "y": 0}, until=2, rtol=rtol)
+    passed = quadrature(f"1/log(2 + 7*t^{power})", 0, run.y[0, -1])
+    assert passed == pytest.approx(2, abs=50 * rtol + 5e-12)
+
+
+@TOLERANCES
+def test_a_symmetric_state_after_an_event_in_a_mode_with_long_steps(rtol: float) -> None:
+    """A reset leads to tau = 0; the last step in this mode was many times as long."""
+    fields = ["1", "1/(1 + tau^8)", "exp(-tau)"]
+    resets = {"s": {"when": "falling", "map": {"tau": "0"}}}
+    system = hr.System(["tau", "y", "z"], {}, {"s": "40 - tau"}, fields, resets=resets)
+    run = hr.simulate(system, {"tau": 25, "y": 0, "z": 0}, until=16.5, rtol=rtol)
+    parts = ((25, 30, 40), (0, 0.5, 1, 1.5))
+    exact = sum(mpmath.quad(lambda tau: 1 / (1 + tau**8), part) for part in parts)
+    assert run.y[1, -1] == pytest.approx(float(exact), abs=close(rtol))
+
+
+@TOLERANCES
+def test_a_cycle_of_integrals(rtol: float) -> None:
+    """The fourth derivative of x is x: every fourth coefficient is not zero, and each rate is another state."""
+    system = hr.System(["x", "v", "a", "j"], {}, {}, ["v", "a", "j", "x"])
+    run = hr.simulate(system, {"x": 1, "v": 0, "a": 0, "j": 0}, until=4, rtol=rtol)
+    exact = (math.cosh(4) + math.cos(4)) / 2, (math.sinh(4) - math.sin(4)) / 2
+    assert run.y[:2, -1] == pytest.approx(exact, rel=close(rtol))
+
+
+def test_rows_with_gaps_of_their_own() -> None:
+    """Polynomials by form, integrals of other states and linear combinations have none."""
+    x, v, a, y, p = (sp.Symbol(name, real=True) for name in "xvayp")
+    tape = build_tape((x, v, a, y), (v, sp.sin(a), sp.Integer(1), y * v), (x - 2 * v + p * y, x * v, a**2))
+    assert tape.own_gaps() == [False, True, False, True, False, True, False]
+    cycle = build_tape((x, v, y), (v, x, x), ())
+    assert cycle.own_gaps() == [True, True, False]
+
+
+def test_series_that_converge_fast_have_no_gaps() -> None:
+    """The steps of a chain are short for its slow blocks: their terms fall by more than a thousand somewhere."""
+    system = chain(16, 0.5)
+    x, v = np.random.default_rng(16).uniform(-1, 1, (2, 16))
+    run = hr.simulate(system, np.column_stack([2 * x, v]).ravel().tolist(), until=20, rtol=1e-9)
+    assert run.counts.rhs_evaluations < 1.8 * run.counts.steps
