@@ -160,7 +160,7 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
 
 /* Compare the expansion with a new one made at a place on the step.
  *
- * "slopes": code that computes only slopes and values; null if exponentials limit the step. "decreasing": all terms decrease, so that guards
+ * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
  * without branch points need no comparison. The step is "theta" units long. "relative": allowed error of a slope,
  * as a part of the sum of its terms; that of a guard is AGREEMENT.
  */
@@ -242,9 +242,8 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     double relative = AGREEMENT;
     if (w->gaps)
         relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
-    bool exponentials = row_of(w, rows)[3] < UNLIMITED;
-    expand_code slopes = decreasing || !exponentials ? w->mode->slopes : NULL;
-    bool checking = !decreasing || w->mode->branches;
+    expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
+    bool checking = !decreasing || slopes;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
         compare_at(w, theta, theta, slopes, decreasing, relative, &found);
