@@ -175,7 +175,7 @@ def parse_case(
 ) -> Case:
     """Read a case from text (see :func:`load_case`)."""
     if not isinstance(text, str):
-        raise CaseError(f"text is {str(text)[:60]!r}, wanted a str")
+        raise CaseError(f"text is {text!r:.60}, wanted a str")
     return _case(Source(parse_yaml(text, file=file), file), solvers, fixed_step)[0]
 
 

@@ -122,11 +122,8 @@ class System:
         names = [written_name(x, "'state'") for x in state] if isinstance(state, list | tuple) else state
         given = {"state": names, "parameters": parameters, "surfaces": surfaces, "field": field, "valid": valid}
         given |= {"sliding": sliding, "resets": resets}
-        nodes = {
-            key: tree_of(value, f"'{key}'") if key in ("state", "field", "valid") else mapping_of(value, f"'{key}'")
-            for key, value in given.items()
-            if value is not None
-        }
+        lists: dict[str, Callable[[Any, str], Node]] = dict.fromkeys(("state", "field", "valid"), tree_of)
+        nodes = {key: lists.get(key, mapping_of)(x, f"'{key}'") for key, x in given.items() if x is not None}
         beside = {key: nodes.pop(key) for key in MODEL_KEYS if key in nodes}
         self._read(source_of(mapping({"system": mapping(nodes), **beside})))
 

@@ -68,7 +68,7 @@ def pieces_of(run: int, sol: DenseOutput, after: float) -> Pieces:
     ends, lows = np.append(sol.begin[1:], sol.begin[-1]), np.append(sol.begin_low[1:], sol.begin_low[-1])
     kept = np.flatnonzero(ends >= after)
     length = (ends - sol.begin)[kept] + (lows - sol.begin_low)[kept]
-    length[-2:][np.abs(length[-2:]) <= np.spacing(sol.end)] = 0.0  # the end of a run is rounded: nothing is between
+    length[-2:][np.abs(length[-2:]) <= np.spacing(sol.end)] = 0.0  # shorter than the rounding of the end
     order = sol.coefficients.shape[2] - 1
     scale = np.cumprod([np.ones_like(length), *[length / sol.unit[kept]] * order], axis=0)
     states = sol.coefficients[kept].transpose(1, 2, 0) * scale

@@ -137,7 +137,7 @@ def continuation(
         raise ArgumentError("'along' must have one parameter, as in {'vb': {'from': 0, 'to': 1, 'count': 50}}")
     ways = [] if isinstance(directions, str) else [str(way) for way in np.array(directions, dtype=object).ravel()]
     if not ways or len(set(ways)) != len(ways) or not set(ways) <= {"up", "down"}:
-        raise ArgumentError(f"'directions' is {str(directions)[:60]!r}; wanted a list of 'up', 'down', or both")
+        raise ArgumentError(f"'directions' is {directions!r:.60}; wanted a list of 'up', 'down', or both")
     ((name, values),) = line.items()
     path = np.concatenate([values if way == "up" else values[::-1] for way in ways])
     across = {} if axes is None or (isinstance(axes, Mapping) and not axes) else values_of(axes, "axes")

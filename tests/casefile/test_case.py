@@ -19,7 +19,7 @@ from henon_ref.modes.switched_field import Release
 
 
 def test_a_case_from_text_needs_text() -> None:
-    with pytest.raises(CaseError, match="text is '3', wanted a str"):
+    with pytest.raises(CaseError, match="text is 3, wanted a str"):
         parse_case(3)  # type: ignore[arg-type]
 
 

@@ -139,11 +139,11 @@ def test_directions_of_a_continuation_may_be_an_array() -> None:
         ({"axes": [1]}, "'axes' is of type list; wanted a mapping"),
         ({"axes": {"x": []}}, "'x' of 'axes' is empty"),
         ({"axes": {"F": [1]}}, "'F' is the parameter of 'along' and also an axis of its grid"),
-        ({"directions": ["left"]}, "'directions' is \"['left']\"; wanted a list"),
+        ({"directions": ["left"]}, "'directions' is ['left']; wanted a list"),
         ({"directions": "up"}, "'directions' is 'up'; wanted a list"),
-        ({"directions": []}, "'directions' is '[]'; wanted a list"),
-        ({"directions": ["up", "up"]}, "'directions' is \"['up', 'up']\"; wanted a list"),
-        ({"directions": np.array([1.0, 2.0])}, "'directions' is '[1. 2.]'; wanted a list"),
+        ({"directions": []}, "'directions' is []; wanted a list"),
+        ({"directions": ["up", "up"]}, "'directions' is ['up', 'up']; wanted a list"),
+        ({"directions": np.array([1.0, 2.0])}, "'directions' is array([1., 2.]); wanted a list"),
     ],
 )
 def test_a_refused_continuation_names_the_argument(arguments: dict[str, Any], words: str) -> None:

@@ -32,8 +32,9 @@ from henon_ref.taylor.tape import TIME
 PIECES = 16
 """Subintervals of a step on which double precision first tries to show that a guard has no root."""
 
-BEFORE_LAST = 2.0**20
-"""Bound of the two coefficients before the last two [roundings of the state]; without a gap they are below 2^12."""
+LONGEST_GAP, RISE = 16, 2.0**5
+"""Without a gap the k-th last coefficient is below ``RISE**k`` [roundings of the state], for k up to ``LONGEST_GAP``;
+in the shipped cases it is below (2^3.5)^k."""
 
 
 @dataclass(frozen=True)
@@ -188,8 +189,8 @@ class Stepper:
         are 1000 times the solution's change on the step, and rounding.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
-        size = max(1.0, float(np.abs(step.rough[:, 0]).max()))
-        if max(float(max(c[0], c[1])) for c in tails) > BEFORE_LAST * 2.0**-self.bits * size:
+        rounding = 2.0**-self.bits * max(1.0, float(np.abs(step.rough[:, 0]).max()))
+        if (np.abs(step.rough[:, -LONGEST_GAP:-2]) > rounding * RISE ** np.arange(LONGEST_GAP, 2, -1)).any():
             return False
         rows = [i for i, c in enumerate(tails) if not max(c[2], c[3]) * hy.real("2", self.bits) < max(c[0], c[1])]
         rows = [i for i in rows if not self._is_parabola(i)]
