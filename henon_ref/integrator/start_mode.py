@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import ModeEvaluation
 from henon_ref.modes.selection import contact_orders, mode_by_signs, stays
@@ -49,10 +50,14 @@ def start_mode(
     active, edges = ([i for i, sign in enumerate(part) if sign == 0] for part in (signs[:count], signs[count:]))
     if not (active or edges):
         return StartMode(decision.mode, [], [])
-    orders = contact_orders(at, decision.mode, active, edges)
-    still = [
-        guard.index
-        for guard, order in zip(system.guards(decision.mode), orders, strict=True)
-        if guard.kind == "surface" and guard.index in active and (order > 1 or stays(at, decision.mode, guard.index))
-    ]
+    try:
+        orders = contact_orders(at, decision.mode, active, edges)
+        still = [
+            guard.index
+            for guard, order in zip(system.guards(decision.mode), orders, strict=True)
+            if guard.kind == "surface" and guard.index in active
+            if order > 1 or stays(at, decision.mode, guard.index)
+        ]
+    except ARITHMETIC:  # the loop finds no finite step either, and the reason
+        return StartMode(decision.mode, [], [])
     return StartMode(decision.mode, orders, still)

@@ -55,7 +55,8 @@ static double guard_noise(const struct work *w, int64_t guard, double theta)
  * Its value then decides nothing, and no crossing is due. The value may have any sign: the present state may be what
  * was left of larger terms that cancelled, such as a speed at which a slide has begun, and their rounding is not known
  * here. (That of the changes of the states, and of the guard's slope, is.) As soon as the function changes, its
- * crossings are located again.
+ * crossings are located again. A function that is zero with all its derivatives stands still only if rounding does not
+ * change the derivatives: v - 1 of a body held at v = 1, not with v' = 1 - v.
  */
 static bool stands_still(const struct work *w, int64_t guard, double natural)
 {
@@ -64,7 +65,7 @@ static bool stands_still(const struct work *w, int64_t guard, double natural)
     if (!w->mode->guard[guard].kink)
         return false;
     const double *row = guard_row(w, guard), *moved = row_ahead(w, n + guard);
-    double noise = 0.0, theta = smaller(natural, remaining(run) / run->unit), *of_rates = w->speeds;
+    double noise = 0.0, start = 0.0, theta = smaller(natural, remaining(run) / run->unit), *of_rates = w->speeds;
     w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, of_rates);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i];
@@ -76,13 +77,15 @@ static bool stands_still(const struct work *w, int64_t guard, double natural)
         w->point[i] = w->x[i] + all;
         expand(w, w->point, w->ahead);
         w->point[i] = w->x[i];
-        noise += fabs(moved[0] - row[0]) * (own / all);
+        start += fabs(moved[0] - row[0]) * (own / all);
         for (int64_t k = 1; k <= order; k++) {
             power *= theta;
             noise += fabs(moved[k] - row[k]) * power;
         }
     }
-    return size_of_terms(row, 1, order, theta) * theta <= noise;
+    if (size_of_terms(row, 0, order, 1.0) == 0.0)
+        return noise <= NO_ACCOUNT;
+    return size_of_terms(row, 1, order, theta) * theta <= start + noise;
 }
 
 /* First time at which a guard was below its rounding. */

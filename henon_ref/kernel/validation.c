@@ -161,8 +161,8 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
 /* Compare the expansion with a new one made at a place on the step.
  *
  * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
- * without branch points need no comparison. The step is "theta" units long. "relative": allowed error of a slope,
- * as a part of the sum of its terms; that of a guard is AGREEMENT.
+ * without branch points need no comparison. The step is "theta" units long. "relative": allowed error of a slope, as a
+ * part of the sum of its terms; that of a guard is AGREEMENT.
  */
 static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
                        double relative, struct agreement *found)

@@ -179,7 +179,9 @@ def _decided(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection
     if decision.status == "none" and one_of is _of_all:
         decision = _staying_mode(at, mode, active) or decision
     if decision.mode is None and system.observed.issuperset(active):  # no motion depends on these entries
-        return Decision("unique", with_entries(mode, active, [mode[i] or 1 for i in active]))
+        kept = with_entries(mode, active, [mode[i] or 1 for i in active])
+        if broken_guards(at, kept, active, at.levels[0], alone=True) is not None:  # there is a motion
+            return Decision("unique", kept)
     rates = zip(system.state_names, system.field, strict=True) if decision.status == "none" else ()
     if names := [name for name, rate in rates if at.values((rate,), mode) is None]:
         reason = f"no mode is consistent at t = {at.when}: the field of {listed(names)} is not finite there"

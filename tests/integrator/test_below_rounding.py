@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -265,11 +265,23 @@ def test_a_constant_of_the_motion_ends_no_run(energy: str, field: list[str], sta
 @pytest.mark.parametrize("rtol", [10.0**-k for k in range(3, 14)])
 def test_a_function_that_rounding_makes_zero_is_told(rtol: float) -> None:
     """v - 1 = -exp(-10 t) (1 + 1e-18) + 1e-18 reaches 0, and sticks, at 1.8 ln 10 s; 1 + 1e-17/10 is 1 in doubles."""
-    for field in (["-10*(v - 1) - s/10^17"], ["-10*(v - 1)"]):
-        system = hr.System(["v", "x"], {}, {"s": "v - 1"}, [*field, "v"])
+    fields, others = (
+        ("-10*(v - 1) - s/10^17", "-10*(v - 1)"),
+        ({}, {"u": "x - 99"}, {f"u{k}": f"x - 9{k}" for k in range(4)}),
+    )
+    for field, other in product(fields, others):
+        system = hr.System(["v", "x"], {}, {"s": "v - 1", **other}, [field, "v"])
         run = hr.simulate(system, {"v": 0, "x": 0}, until=10, rtol=rtol)
         assert (run.status, kinds(run)) == ("ok", [])
         assert 3.5 < run.undecided_after["s"] < 4.1
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9])
+def test_a_section_on_which_a_mode_slides_is_not_undecided(rtol: float) -> None:
+    """Its function stays zero while two bodies stick together."""
+    system = hr.System(["v", "w"], {}, {"s": "v - w", "u": "v - w"}, ["sin(t)/3 - s - v/7", "s/3 - w/27"])
+    run = hr.simulate(system, {"v": 1, "w": 0}, until=20, rtol=rtol)
+    assert (run.status, run.undecided_after) == ("ok", {})
 
 
 CONSTANTS = [

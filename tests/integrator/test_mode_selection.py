@@ -274,3 +274,17 @@ def test_what_happens_at_one_instant_needs_no_python(name: str, readings: list[s
 def test_a_start_without_a_field_names_it(rate: str, x: float) -> None:
     run = hr.simulate(hr.System(["x", "v"], {}, {"s": "v"}, ["v", rate]), {"x": x, "v": 0}, until=1)
     assert run.message == "no mode is consistent at t = 0: the field of v is not finite there"
+
+
+@pytest.mark.parametrize("surfaces", [{"s": "x"}, {"s": "x", "u": "v"}, {"s": "sqrt(x)"}])
+def test_a_section_needs_a_motion_at_the_start(surfaces: dict[str, str]) -> None:
+    run = hr.simulate(hr.System(["x", "v"], {}, surfaces, ["1/x", "1"]), {"x": 0, "v": 0}, until=1)
+    assert run.message == "no mode is consistent at t = 0: the field of x is not finite there"
+
+
+@pytest.mark.parametrize("force", ["v^(3/2)", "sqrt(v)", "v*log(v)", "1/v"])
+def test_a_given_mode_at_a_singular_start(force: str) -> None:
+    """The normal velocities, 1/2 and 3/2, are clear with the first two; no further derivative is finite."""
+    system = hr.System(["x", "v"], {}, {"s": "x"}, [f"1 + s/2 + {force}", "1"])
+    run = hr.simulate(system, {"x": 0, "v": 0}, until=1, mode={"s": 1})
+    assert (run.status, run.message.split(":")[0]) == ("failed", "the step size fell to zero at t = 0")
