@@ -34,7 +34,7 @@ def double_root(wrong: WrongRun) -> bool:
 def wrong_from_the_start(wrong: WrongRun) -> bool:
     """The run misses all transitions, more than a pair of one surface, or the time of the first is far off.
 
-    Nearly always the motion itself is then wrong: errors of the size of the tolerance move no time by the square root of it.
+    Nearly always the motion itself is then wrong: errors of the size of the tolerance move no time by its square root.
     """
     lost = wrong.run.matched == 0 and len(wrong.missed) > 2 and len({row.surface for row in wrong.missed}) == 1
     far = math.sqrt(number(wrong.run.rtol))
