@@ -157,6 +157,28 @@ def _mode_code(
     )
 
 
+def own_gaps(tape: Tape) -> list[bool]:
+    """Return whether the series of each state and output may end in a gap that is in no other series.
+
+    It may not if it is a polynomial by its form, the integral of another state (unless the integrals form a cycle), or a
+    linear combination of states.
+    """
+    source = {i: tape.nodes[at].args[0] for i, at in enumerate(tape.field) if tape.nodes[at].op == "state"}
+    found = []
+    for i, at in enumerate(tape.field):
+        end, seen = source.get(i, i), {i}
+        while end in source and end not in seen:
+            seen.add(end)
+            end = source[end]
+        found.append(tape.nodes[at].degree == INFINITE and end == i)
+    linear: list[bool] = []
+    for node in tape.nodes:
+        scaled = node.op == "mul" and any(tape.nodes[at].degree == 0 for at in node.args)
+        kept = (scaled or node.op in ("add", "sub", "scale", "shift", "rsub")) and all(linear[at] for at in node.args)
+        linear.append(kept or node.op in ("state", "clock") or node.degree == 0)
+    return found + [tape.nodes[at].degree == INFINITE and not linear[at] for at in tape.outputs]
+
+
 def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
     """Encode a tape for evaluation in double-double (``struct tape`` of ``kernel.h``); None if not supported.
 

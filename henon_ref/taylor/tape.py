@@ -26,8 +26,6 @@ MAX_CLOCK = 100
 """Largest size of a function of time alone that is tested for being linear, by differentiation."""
 INFINITE = 1 << 30
 """Degree in time of a node that is not known to be a polynomial in time."""
-_LINEAR = ("add", "sub", "scale", "shift", "rsub")
-"""Operations whose results are linear in states, with constants, if their arguments are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,27 +62,6 @@ class Tape:
     def counts(self) -> dict[str, int]:
         """Number of nodes of each operation, a measure of a model's cost."""
         return dict(sorted(Counter(node.op for node in self.nodes).items()))
-
-    def own_gaps(self) -> list[bool]:
-        """Whether the series of each state and output may end in a gap that is in no other series.
-
-        It may not if it is a polynomial by its form, the integral of another state (unless the integrals form a cycle),
-        or a linear combination of states.
-        """
-        source = {i: self.nodes[at].args[0] for i, at in enumerate(self.field) if self.nodes[at].op == "state"}
-        found = []
-        for i, at in enumerate(self.field):
-            end, seen = source.get(i, i), {i}
-            while end in source and end not in seen:
-                seen.add(end)
-                end = source[end]
-            found.append(self.nodes[at].degree == INFINITE and end == i)
-        linear: list[bool] = []
-        for node in self.nodes:
-            scaled = node.op == "mul" and any(self.nodes[at].degree == 0 for at in node.args)
-            kept = (scaled or node.op in _LINEAR) and all(linear[at] for at in node.args)
-            linear.append(kept or node.op in ("state", "clock") or node.degree == 0)
-        return found + [self.nodes[at].degree == INFINITE and not linear[at] for at in self.outputs]
 
     def part(self, outputs: Sequence[int]) -> Tape:
         """Return the tape of some outputs without the field; the constants keep their indices."""
