@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from henon_ref.modes.resets import Jump, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient
+from henon_ref.taylor.series_form import has_branch_points, own_gaps
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
 if TYPE_CHECKING:
@@ -138,8 +139,8 @@ def _mode_code(
     n, nodes = len(system.states), expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
-    field_branches = _has_branch_points(expansion, expansion.field)
-    guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
+    field_branches = has_branch_points(expansion, expansion.field)
+    guards_branch = tuple(has_branch_points(expansion, [row]) for row in expansion.outputs)
     large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
     loops = "looped " if large else ""
     parts = [
@@ -150,33 +151,9 @@ def _mode_code(
         Part("rounding", (expansion, n, "rounding")),
     ]
     code = machine_code(*parts, optimised=large or not_watched, simplified=not_watched and not large)
-    own_gaps = np.array(expansion.own_gaps(), dtype=np.int64)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
-    return ModeCode(
-        *tapes, code, degree, field_branches, guards_branch, tape_program(expansion, max(degrees)), own_gaps
-    )
-
-
-def own_gaps(tape: Tape) -> list[bool]:
-    """Return whether the series of each state and output may end in a gap that is in no other series.
-
-    It may not if it is a polynomial by its form, the integral of another state (unless the integrals form a cycle), or a
-    linear combination of states.
-    """
-    source = {i: tape.nodes[at].args[0] for i, at in enumerate(tape.field) if tape.nodes[at].op == "state"}
-    found = []
-    for i, at in enumerate(tape.field):
-        end, seen = source.get(i, i), {i}
-        while end in source and end not in seen:
-            seen.add(end)
-            end = source[end]
-        found.append(tape.nodes[at].degree == INFINITE and end == i)
-    linear: list[bool] = []
-    for node in tape.nodes:
-        scaled = node.op == "mul" and any(tape.nodes[at].degree == 0 for at in node.args)
-        kept = (scaled or node.op in ("add", "sub", "scale", "shift", "rsub")) and all(linear[at] for at in node.args)
-        linear.append(kept or node.op in ("state", "clock") or node.degree == 0)
-    return found + [tape.nodes[at].degree == INFINITE and not linear[at] for at in tape.outputs]
+    program, gaps = tape_program(expansion, max(degrees)), np.array(own_gaps(expansion), dtype=np.int64)
+    return ModeCode(*tapes, code, degree, field_branches, guards_branch, program, gaps)
 
 
 def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
@@ -196,11 +173,6 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
         operations += [_KINDS[node.op], first, second, *(*node.constants, 0, 0)[:2], sign, divides, node.degree]
     head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree if degree < INFINITE else 0
     return np.array([*head, *operations, *tape.field, *tape.outputs], dtype=np.int64)
-
-
-def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
-    """Whether given nodes depend on an operation with branch points."""
-    return any(tape.nodes[at].op in ("sqrt", "power", "asin", "acos") for at in tape.needed(rows))
 
 
 def _speeds(

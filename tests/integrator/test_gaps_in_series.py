@@ -12,7 +12,7 @@ from scipy.special import ellipk
 
 import henon_ref as hr
 from henon_ref.harness.studies.price.chains import chain
-from henon_ref.integrator.mode_code import own_gaps
+from henon_ref.taylor.series_form import own_gaps
 from henon_ref.taylor.tape import build_tape
 
 QUARTER = float(ellipk(0.5))
