@@ -104,8 +104,9 @@ def sweep(
     Returns
     -------
     SweepTable
-        Data frame with one row for each point, in their order, also if its run ended early. All numbers have equal
-        bits for any chunks and any executor.
+        Data frame with a row for each point, in their order, also if its run ended early: columns of the point,
+        ``status``, observations. Ragged observations are data frames in the attribute ``frames``, with the number of
+        the row as ``point``. All numbers have equal bits for any chunks and any executor.
 
     Raises
     ------
