@@ -18,7 +18,7 @@ from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import NO_LIMIT, Integrator, Start, local_error, order_for, out_of_steps
 from henon_ref.integrator.records import HENON, numbered, step_dtype
 from henon_ref.integrator.run_result import Reason, RunResult, TransitionArray, shown
-from henon_ref.integrator.state_view import NO_DECISIONS, NO_SAMPLES, State
+from henon_ref.integrator.state_view import MOST_KEPT, NO_DECISIONS, NO_SAMPLES, State
 from henon_ref.jit.processor_time import Deadline
 from henon_ref.kernel.shared import kernel
 from henon_ref.modes.mode import Mode
@@ -87,6 +87,14 @@ def _loop_data(integrator: Integrator, start: Start) -> LoopData:
     """
     data = start.constants.latest
     return data if data.compiled is integrator.mode_table.compiled else start.constants.update()
+
+
+def _out_of_memory(time: float) -> str:
+    """Return the reason of a run that ends at its limit on memory."""
+    return (
+        f"stopped at t = {time:.17g}: the transitions and steps of the run take {MOST_KEPT / 2**30:g} GiB, the most that "
+        "is kept; give an earlier horizon or dense_output=False, or read the transitions from henon_ref.stream"
+    )
 
 
 class Jumped(NamedTuple):
@@ -195,6 +203,8 @@ class Run(State):
             self.close_steps()
         elif code == kernel.BUDGET_SPENT and self.scalars.steps >= self.scalars.most_steps:
             return self._end("failed", out_of_steps(self.scalars.most_steps, self.time))
+        if self.memory_full():
+            return self._end("failed", _out_of_memory(self.time))
         return None
 
     def _array(self, records: NDArray[np.float64]) -> TransitionArray:

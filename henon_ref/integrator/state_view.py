@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
 NO_SAMPLES = np.zeros((0, 2))
 NO_DECISIONS = Decisions()
+MOST_KEPT = 2 * 2**30
+"""Limit on the memory of the transitions and steps that a run keeps [bytes].
+
+With n states a transition takes 8 (4 + n) bytes, and a step at order p, if steps are kept, 8 (5 + n (p + 1)) bytes. At
+the end of the run they are copied into one array each.
+"""
 
 
 class State:
@@ -194,6 +200,11 @@ class State:
         self.step_blocks.append(self._steps[: self.scalars.dense_steps])
         self._steps = np.empty_like(self._steps)
         self.scalars.dense, self.scalars.dense_steps = doubles(self._steps), 0
+
+    def memory_full(self) -> bool:
+        """Check whether the blocks of transitions and steps have reached :data:`MOST_KEPT`."""
+        steps = 0 if self._steps is None else len(self.step_blocks) * self._steps.nbytes
+        return steps + len(self.blocks) * self.workspace.transitions.nbytes >= MOST_KEPT
 
     def keep_step(self, length: float) -> NDArray[np.float64] | None:
         """Keep a step that Python takes, such as the step to an event located in multiprecision.

@@ -52,7 +52,8 @@ def simulate(
     mode : mapping, optional
         Sign -> -1, 0 or +1, for a start on a surface from which several motions are possible.
     dense_output : bool
-        Keep the polynomials of the steps; memory grows with the number of steps.
+        Keep the polynomials of the steps. A run whose steps and transitions take 2 GiB ends with status ``failed``
+        (with two states and the default ``rtol``, some 5 million steps); a stream keeps neither.
     stop : mapping, optional
         Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero. A graze
         does not end it.

@@ -134,3 +134,11 @@ def test_what_slides_and_rests_leaves_no_coordinate_free() -> None:
     assert (rest.dimension, rest.multipliers, rest.events) == (0, (), ())
     with pytest.raises(hr.HenonRefError, match="accumulate at"):  # it flies off and comes back to rest each time
         hr.periodic_orbit(table, {"x": 0.5, "v": 0}, until=20, period=1, parameters={"A": 0.3})
+
+
+def test_only_the_last_transitions_are_examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At least three of them are required."""
+    belt = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.2}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
+    monkeypatch.setattr("henon_ref.analysis.periodic_orbit.LAST", 2)
+    with pytest.raises(hr.HenonRefError, match="does not repeat itself"):
+        hr.periodic_orbit(belt, {"x": 1.5, "v": 0}, until=100)

@@ -1,4 +1,4 @@
-"""A run has a limit of steps, so that none holds whoever runs it for good; its reason names the limit."""
+"""A run has limits of steps and memory, so that it ends and fits into memory; its reason names the limit."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import henon_ref as hr
 from henon_ref.errors import HenonRefError
+from henon_ref.integrator import state_view
 from henon_ref.sweeps.sweep_file import load_sweep
 
 FOREVER: dict[str, Any] = {"until": 1e9}
@@ -38,6 +40,25 @@ def test_a_stream_ends_failed() -> None:
     assert rows.outcome is not None
     assert rows.outcome.status == "failed"
     assert rows.outcome.message.startswith(WORDS)
+
+
+@pytest.mark.parametrize("dense", [True, False])
+def test_a_run_whose_records_fill_the_memory_ends_failed(monkeypatch: pytest.MonkeyPatch, dense: bool) -> None:
+    whole = hr.simulate(oscillator(), {"x": 1, "v": 0}, until=1e4, dense_output=dense)
+    size = 8 * (4 + 2) * len(whole.transitions)
+    if dense:
+        assert whole.sol is not None
+        size += 8 * (5 + whole.sol.coefficients[0].size) * whole.counts.steps
+    monkeypatch.setattr(state_view, "MOST_KEPT", size // 2)
+    run = hr.simulate(oscillator(), {"x": 1, "v": 0}, dense_output=dense, until=2e4)
+    assert run.status == "failed"
+    assert run.message.startswith("stopped at t = ")
+    assert 0.4 < len(run.transitions) / len(whole.transitions) < 0.8
+    pd.testing.assert_frame_equal(run.transitions, whole.transitions.head(len(run.transitions)))
+    rows = hr.stream(oscillator(), {"x": 1, "v": 0}, until=1e4)
+    assert len(list(rows)) == len(whole.transitions)
+    with pytest.raises(HenonRefError, match="run towards the orbit ended failed: stopped at t = "):
+        hr.periodic_orbit(oscillator(), {"x": 1, "v": 0}, until=2e4)
 
 
 @pytest.mark.parametrize("mode", [None, {"s": 1}])
