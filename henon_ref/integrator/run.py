@@ -92,8 +92,8 @@ def _loop_data(integrator: Integrator, start: Start) -> LoopData:
 def _out_of_memory(time: float) -> str:
     """Return the reason of a run that ends at its limit on memory."""
     return (
-        f"stopped at t = {time:.17g}: the transitions and steps of the run take {MOST_KEPT / 2**30:g} GiB, the most that "
-        "is kept; give an earlier horizon or dense_output=False, or read the transitions from henon_ref.stream"
+        f"stopped at t = {time:.17g}: the transitions and steps of the run take {MOST_KEPT / 2**30:g} GiB, the most "
+        "that is kept; give an earlier horizon or dense_output=False, or read the transitions from henon_ref.stream"
     )
 
 

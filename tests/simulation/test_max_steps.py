@@ -57,8 +57,9 @@ def test_a_run_whose_records_fill_the_memory_ends_failed(monkeypatch: pytest.Mon
     pd.testing.assert_frame_equal(run.transitions, whole.transitions.head(len(run.transitions)))
     rows = hr.stream(oscillator(), {"x": 1, "v": 0}, until=1e4)
     assert len(list(rows)) == len(whole.transitions)
-    with pytest.raises(HenonRefError, match="run towards the orbit ended failed: stopped at t = "):
-        hr.periodic_orbit(oscillator(), {"x": 1, "v": 0}, until=2e4)
+    if not dense:
+        with pytest.raises(HenonRefError, match="run towards the orbit ended failed: stopped at t = "):
+            hr.periodic_orbit(oscillator(), {"x": 1, "v": 0}, until=2e4)
 
 
 @pytest.mark.parametrize("mode", [None, {"s": 1}])
