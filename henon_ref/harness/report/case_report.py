@@ -16,7 +16,7 @@ from henon_ref.casefile.case import DEFAULT_READING
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.report import folder as names
-from henon_ref.harness.report.folder import locked, own_files
+from henon_ref.harness.report.folder import locked, own_files, without_dead_links
 from henon_ref.harness.report.manifest import Provenance, manifest_text
 from henon_ref.harness.report.rendering import environment, packed
 from henon_ref.harness.report.svg import KINDS, file_name, motion_in
@@ -36,8 +36,9 @@ MANY = 4
 def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Path:
     """Write the report of one case into ``folder/<name>``; return the path of its ``report.md``.
 
-    All files are first written into a temporary folder, and then moved to their places. Files of an earlier report that
-    the new one does not have are removed. If writing fails (OSError), the earlier report is unchanged.
+    All files are first written into a temporary folder, and then moved to their places. Links of the report to missing
+    files become text, as in the index. Files of an earlier report that the new one does not have are removed. If writing
+    fails (OSError), the earlier report is unchanged.
     """
     place = folder / comparison.case.name
     files = report_files(comparison, origin)
@@ -46,6 +47,8 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
     try:
         for name, content in files.items():
             write_through(waiting / name, content)
+        page = without_dead_links(files[names.REPORT].decode(), waiting)
+        write_through(waiting / names.REPORT, page.encode())
         with locked([folder], wait=True):  # a writer of the index reads the old or the new report
             place.mkdir(exist_ok=True)
             stale = own_files(place) - set(files)

@@ -20,6 +20,7 @@ import sympy as sp
 from fakes import CASE, case, expected, found, reference, trajectory, truth
 from made_reports import ORIGIN, changed, compared, made, sweep, usual
 
+from henon_ref.baselines.causes import CAUSES
 from henon_ref.casefile.case import load_case
 from henon_ref.casefile.expected import Orbit
 from henon_ref.figures.motion import motion_of
@@ -91,6 +92,19 @@ def test_an_error_below_the_radius_is_not_claimed():
     one = made("henon", 1e-12, 1e-4, truth=truth)
     assert one.run.digits == pytest.approx(9.0)
     assert "< 1e-9" in run_table([one]).markdown
+
+
+def test_a_cause_is_a_link_only_beside_the_page_of_causes(tmp_path, comparison):
+    comparison.records[4] = changed(comparison.records[4], cause="heyoka-gap")
+    title = CAUSES["heyoka-gap"].title
+    without = write_report(comparison, ORIGIN, tmp_path).read_text()
+    assert f"| {title} |" in without
+    assert "causes/README.md" not in without
+    (tmp_path / "causes").mkdir()
+    (tmp_path / "causes" / "README.md").write_text("# Causes")
+    made = write_report(comparison, ORIGIN, tmp_path).read_text()
+    assert f"[{title}](../causes/README.md#heyoka-gap)" in made
+    assert "[runs.csv](runs.csv)" in without
 
 
 @pytest.mark.parametrize(
