@@ -146,7 +146,7 @@ def _equivalent_signs(
             guards.append(Guard("release", i, -1, 1 + equivalent[s]))
         return equivalent, guards + attraction_guards(system, sliding, sp.Matrix(slope))
     if any(slope[i][i] == 0 for i in range(len(signs))):
-        raise ModelError(f"the field does not depend on the sign of a surface it should slide on: {signs}")
+        raise ModelError(f"the field does not depend on the sign of a surface it should slide on: {names}")
     for n, i, s in zip(normal, sliding, signs, strict=True):
         # Sliding attracts while dh/dt < 0 above and > 0 below; it ends when either reaches 0 (tangent points).
         guards.append(Guard("release", i, 1, -n.xreplace({s: sp.Integer(1)})))

@@ -37,8 +37,8 @@ def write_report(comparison: Comparison, origin: Provenance, folder: Path) -> Pa
     """Write the report of one case into ``folder/<name>``; return the path of its ``report.md``.
 
     All files are first written into a temporary folder, and then moved to their places. Links of the report to missing
-    files become text, as in the index. Files of an earlier report that the new one does not have are removed. If writing
-    fails (OSError), the earlier report is unchanged.
+    files become text, as in the index. Files of an earlier report that the new one does not have are removed. If
+    writing fails (OSError), the earlier report is unchanged.
     """
     place = folder / comparison.case.name
     files = report_files(comparison, origin)

@@ -31,7 +31,7 @@ from henon_ref.harness.cli import check
 from henon_ref.harness.report.case_report import report_text, write_report
 from henon_ref.harness.report.svg import figure_job
 from henon_ref.harness.report.text.gate import gate_table, why_unchecked
-from henon_ref.harness.report.text.model import mode_equations
+from henon_ref.harness.report.text.model import mode_equations, model_text
 from henon_ref.harness.report.text.tables import price_table, run_table
 from henon_ref.harness.result_files import csv_text, read_rows, rows_text
 from henon_ref.harness.rows import RunRow
@@ -157,6 +157,16 @@ def test_the_stick_of_static_friction_says_when_it_is_entered():
     assert not any(note.startswith("entered") for note in mode_equations(static, (1,))[2])
     plain = compared().readings[0].reading.problem.system
     assert not any(note.startswith("entered") for note in mode_equations(plain, (0,))[2])
+
+
+def test_a_section_is_named_and_has_no_stick():
+    text = CASE.replace("cos(t) - F*s", "cos(t) - F")
+    model = model_text(ReadingResult(case(text=text).readings[0], truth()))
+    assert "- `s`: a section; no force depends on its sign, and it is always crossed" in model
+    assert "Slip, `s=+1`:" in model
+    assert "Stick" not in model
+    notes = mode_equations(case(text=text).readings[0].problem.system, (0,))[2]
+    assert notes == ["the field does not depend on the sign of a surface it should slide on: s"]
 
 
 def test_formulas_keep_the_names_a_reader_expects():

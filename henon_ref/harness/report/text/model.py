@@ -67,11 +67,13 @@ def as_written(system: FilippovSystem) -> list[str]:
 
 
 def kink_notes(system: FilippovSystem) -> list[str]:
-    """Return notes on surfaces that represent kinks, or across which the field is continuous."""
+    """Return notes on surfaces that are sections or kinks, or across which the field is continuous."""
     smooth = continuous(system)
     notes = []
     for index, name in enumerate(system.sign_names):
-        if index in smooth:
+        if index in system.observed:
+            notes.append(f"`{name}`: a section; no force depends on its sign, and it is always crossed")
+        elif index in smooth:
             notes.append(f"`{name}`: a kink of a continuous field; it is always crossed, without sliding")
         elif index in system.kinks and any(rate.has(system.signs[index]) for rate in system.field):
             notes.append(f"`{name}`: a jump of the field")
@@ -95,9 +97,10 @@ def reset_notes(system: FilippovSystem) -> list[str]:
 
 
 def modes_of(result: ReadingResult) -> list[Mode]:
-    """Return the modes that the exact run visits, or all modes of a single surface."""
-    if len(result.reading.problem.system.surfaces) == 1:
-        return [(-1,), (0,), (1,)]
+    """Return the modes that the exact run visits, or all modes of a single surface (a section has no stick)."""
+    system = result.reading.problem.system
+    if len(system.surfaces) == 1:
+        return [(-1,), (1,)] if system.observed else [(-1,), (0,), (1,)]
     events = result.expected.transitions if result.expected else ()
     visited = dict.fromkeys(tuple(mode) for event in events for mode in (event.from_mode, event.to_mode))
     return list(visited)[:MOST_MODES]
