@@ -249,7 +249,8 @@ def test_a_section_may_have_kinks(name: str, section: str, expected: list[tuple[
 def test_a_report_does_not_call_a_section_s_branches_jumps() -> None:
     system = read_problem(SIGNED.format(surface="abs(x) - 1/2", rate="-x + sign(v)")).system
     assert system.sign_names == ("s", "s_2", "kink1", "kink2")
-    assert kink_notes(system) == ["`kink2`: a jump of the field"]
+    section = "a section; no force depends on its sign, and it is always crossed"
+    assert kink_notes(system) == [f"`s`: {section}", f"`s_2`: {section}", "`kink2`: a jump of the field"]
 
 
 LOADED = """\

@@ -71,7 +71,7 @@ def kink_notes(system: FilippovSystem) -> list[str]:
     smooth = continuous(system)
     notes = []
     for index, name in enumerate(system.sign_names):
-        if index in system.observed:
+        if index in system.observed - system.kinks:
             notes.append(f"`{name}`: a section; no force depends on its sign, and it is always crossed")
         elif index in smooth:
             notes.append(f"`{name}`: a kink of a continuous field; it is always crossed, without sliding")
