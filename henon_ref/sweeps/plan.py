@@ -112,8 +112,7 @@ def planned(
     points = points_of(grid)
     check_system(system)
     check_names(points.names, system)
-    if points.chain > 1 and points.names[-1] in system.state:
-        raise ArgumentError(f"'{points.names[-1][:60]}' of 'along' is a state; wanted a parameter")
+    _check_chains(points, system)
     given, until, start, mode = start_of(system, initial, until, start, mode)
     is_whole = isinstance(given, Mapping) and {*map(str, given)} >= {*system.state}
     if not is_whole or (mode is not None and not isinstance(mode, Mapping)):
@@ -128,6 +127,16 @@ def planned(
     _tables(work, points)  # check all names before a function of the user is called
     work = replace(work, observations=with_columns(work, points))
     return Plan(work, points, size, _tables(work, points))
+
+
+def _check_chains(points: Points, system: System) -> None:
+    """Raise ArgumentError for a chain along a state: its later points start in the final state of their neighbour."""
+    chains = points.values.reshape(-1, points.chain, len(points.names))
+    changing = (chains != chains[:, :1]).any(axis=(0, 1)).tolist()
+    changing[-1] |= "direction" in points.labels  # a continuation, perhaps of one value
+    for name, changes in zip(points.names, changing, strict=True):
+        if changes and name in system.state:
+            raise ArgumentError(f"a chain of points is along '{name[:60]}', a state; wanted a parameter")
 
 
 def _horizon(work: Work, points: Points) -> float:

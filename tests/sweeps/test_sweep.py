@@ -83,6 +83,8 @@ def test_without_observations_there_is_the_status() -> None:
         {"grid": 3},
         {"grid": {"t": [0]}},
         {"grid": hr.points.continuation({"x": [0, 1]})},
+        {"grid": hr.points.continuation({"x": [0]}, directions=["up"])},
+        {"grid": hr.points.Points(("x", "vb"), np.array([[0, 0.1], [1, 0.1]]), chain=2)},
         {"initial": {"x": 1}},
         {"initial": {"x": 1}, "grid": {"v": [0, 1]}},
         {"initial": {"x": 1, "v": 0, "w": 0}},
