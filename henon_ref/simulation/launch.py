@@ -133,7 +133,8 @@ class Outcome:
         ``decisions``, the number of calls of Python by cause (:class:`henon_ref.trajectory.Decisions`).
     undecided_after : dict of str to float
         Surface -> first time at which its function was below its rounding error [s]. Double precision does not decide
-        whether it reached zero there: from this time on the reported transitions may lack some of the surface.
+        whether it reached zero there: from this time on the reported transitions may lack some of the surface. The
+        key ``valid`` stands for the expressions of ``valid``: after its time the run may have left its range.
     final_mode : str
         Mode at the end, such as ``s1=-1 s2=0``; empty if no initial mode exists.
     """
@@ -164,7 +165,12 @@ class Outcome:
     @property
     def undecided_after(self) -> dict[str, float]:
         names = self._base.model.sign_names
-        return {names[i]: time for i, time in self.trajectory.undecided_after if 0 <= i < len(names)}
+        first: dict[str, float] = {}
+        for i, time in self.trajectory.undecided_after:
+            if i < len(names):
+                name = "valid" if i < 0 else names[i]
+                first[name] = min(time, first.get(name, time))
+        return first
 
     @property
     def final_mode(self) -> str:

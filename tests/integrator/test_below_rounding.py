@@ -276,6 +276,15 @@ def test_a_function_that_rounding_makes_zero_is_told(rtol: float) -> None:
         assert 3.5 < run.undecided_after["s"] < 4.1
 
 
+def test_a_range_of_validity_that_is_reached_within_rounding_is_named() -> None:
+    """1 - x decays to rounding: at t = ln(2^53) = 36.7 at the latest no sign of it is known."""
+    system = hr.System(["x"], {}, {"s": "x - 2"}, ["1 - x"], valid=["1 - x", "x + 1"])
+    run = hr.simulate(system, {"x": 0}, until=60)
+    assert (run.status, list(run.undecided_after)) == ("ok", ["valid"])
+    assert 30 < run.undecided_after["valid"] < 45
+    assert "decided until t = " in repr(run)
+
+
 @pytest.mark.parametrize("rtol", [1e-4, 1e-9])
 def test_a_section_on_which_a_mode_slides_is_not_undecided(rtol: float) -> None:
     """Its function stays zero while two bodies stick together."""
