@@ -60,11 +60,12 @@ class Number:
         self.names = tuple(symbol.name for symbol in symbols)
         self._expression, self._symbols = expression, symbols
         self._program = constant_program(symbols, (expression,)) if symbols else None
+        self._constant = (math.nan, 0.0) if symbols else double_double(expression)
 
     def pair(self, point: Sequence[float]) -> Pair:
         """Return its value as a pair of doubles at values of ``names``; NaN if a value is not finite."""
         if self._program is None:
-            return double_double(self._expression)
+            return self._constant
         if all(map(math.isfinite, point)):
             with working_precision(BITS):  # also for the difference, whose nearest double is wanted
                 (exact,) = self._program.exact_values([exact_expression(value) for value in point])
