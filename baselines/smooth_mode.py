@@ -140,8 +140,16 @@ class SmoothMode(ABC):
         Raises
         ------
         ContractError
-            If ``fallen`` contains a value that is not an index; the run is then ``failed``.
+            If t is not finite, an array has another shape, or ``fallen`` contains a value that is not an index; the run
+            is then ``failed``.
         """
+        if not math.isfinite(t):
+            raise ContractError(f"'t' must be a time, not {t!r}")
+        n, unknowns = self.states, len(self.model.unknowns)
+        if np.shape(x) not in ((n,), (unknowns,)):
+            raise ContractError(f"'x' must have the {n} states or all {unknowns} unknowns, not the shape {np.shape(x)}")
+        if samples is not None and (samples.ndim != 2 or samples.shape[1] != n):
+            raise ContractError(f"'samples' must have the shape (k, {n}), not {samples.shape}")
         state = tuple(map(float, x[: self.states]))
         if not all(map(math.isfinite, state)):
             return self.failed(f"the state is not finite after t = {self.last[0]:.17g}")

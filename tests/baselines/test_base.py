@@ -163,6 +163,23 @@ def test_what_is_no_stop_and_no_index_is_refused() -> None:
     for fallen in (np.array([True, False]), [-1], [2]):
         with pytest.raises(ContractError, match="indices of guards, 0 to 1"):
             mode_of(STICKS_AT_2, (1,)).stopped(2.0, np.array([0.0]), fallen)
+    with pytest.raises(ContractError, match="'t' must be a time, not nan"):
+        mode_of(STICKS_AT_2, (1,)).stopped(np.nan, np.array([0.0]))
+
+
+def test_arrays_of_another_shape_are_refused() -> None:
+    """The states are enough; a mode with a guard that is not linear has more unknowns."""
+    system = FilippovSystem((X, U), (S,), (X * U,), (-S, sp.Integer(0)))
+    mode = mode_of(Problem(system, sp.Integer(0), (sp.Integer(2), sp.Integer(1)), sp.Integer(5)), (1,))
+    assert len(mode.model.unknowns) == 3
+    for x in ([1.0, 2.0], np.array([1.0, 2.0, 2.0])):
+        assert mode.stopped(5.0, x, samples=np.zeros((4, 2))).x == (1.0, 2.0)
+    for x in ([], [1.0], [1.0, 2.0, 2.0, 0.0], np.zeros((2, 2))):
+        with pytest.raises(ContractError, match="'x' must have the 2 states or all 3 unknowns, not the shape"):
+            mode.stopped(5.0, x)
+    for samples in (np.zeros(2), np.zeros((4, 3))):
+        with pytest.raises(ContractError, match=r"'samples' must have the shape \(k, 2\), not"):
+            mode.stopped(5.0, [1.0, 2.0], samples=samples)
 
 
 def test_a_guard_that_starts_at_zero_reads_one_until_it_is_clear_of_zero() -> None:
