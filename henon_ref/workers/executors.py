@@ -120,12 +120,15 @@ def _call(state: WorkerState, function: Callable[..., Any], *arguments: Any) -> 
 
 
 def _sendable(error: Exception) -> Exception:
-    """Return an exception with a note of its traceback, or with its text alone if it cannot be pickled."""
+    """Return an exception with a note of its traceback; if it cannot be pickled, an error with its text and notes."""
     error.add_note("In a worker process:\n" + "".join(traceback.format_exception(error)))
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:  # noqa: BLE001 - its pickling may raise anything
-        return HenonRefError(f"{type(error).__name__} in a worker process: {error}")
+        plain = HenonRefError(f"{type(error).__name__} in a worker process: {error}")
+        for note in error.__notes__:
+            plain.add_note(note)
+        return plain
     return error
 
 

@@ -91,6 +91,28 @@ def test_what_a_function_raises_names_the_point() -> None:
     assert "at point 2 (F = 2)" in caught.value.__notes__[0]
 
 
+class UnsentError(Exception):
+    """Cannot be pickled."""
+
+    def __init__(self) -> None:
+        super().__init__("own words")
+        self.later = lambda: None
+
+
+def unsent(run: Solution) -> float:
+    if run.system.parameters["F"] == 2:
+        raise UnsentError
+    return 1.0
+
+
+def test_so_does_what_a_worker_cannot_send() -> None:
+    with pytest.raises(HenonRefError, match="UnsentError in a worker process: own words") as caught:
+        swept(unsent, jobs=2, chunk=1, grid={"F": [1.0] * 100 + [2.0]})
+    first, second = caught.value.__notes__
+    assert first == "in the function 'value' of a sweep, at point 100 (F = 2)"
+    assert "raise UnsentError" in second
+
+
 @pytest.mark.parametrize("name", ["status", "point", "direction", "F", "final_x", "stick_count"])
 def test_a_name_that_collides_is_refused_before_anything_runs(name: str, tmp_path: Path) -> None:
     def never(run: Solution) -> None:
