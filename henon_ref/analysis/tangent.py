@@ -128,7 +128,10 @@ class TangentAnalysis:
         return sorted(values, key=sp.default_sort_key)
 
     def tangent_points(self) -> list[TangentPoint]:
-        """Return all tangent points, Eqs. (16) and (24), highest first; the parameters must be numbers."""
+        """Return the tangent points, Eqs. (16) and (24), highest first; the parameters must be numbers.
+
+        If the fields are periodic in z, each returned point represents those that differ from it by whole periods.
+        """
         z = self.z
         points = []
         for side, normal in self.normals.items():
@@ -173,6 +176,8 @@ def tangent_points(
 
     A point is visible if the tangent orbit stays on the side of its own field (Kuznetsov, Rinaldi and Gragnani, *Int.
     J. Bifurcation Chaos* 13 (2003) 2157-2188). Closed forms as in Eqs. (16) and (24) of Olejnik and Awrejcewicz (2013).
+    If the fields are periodic in the coordinate (a force sin(x)), each returned point represents those that differ from
+    it by whole periods.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 import sympy as sp
 
+import henon_ref as hr
 from henon_ref.analysis.tangent import TangentAnalysis
 from henon_ref.errors import ModelError
 from henon_ref.modes.system import FilippovSystem
@@ -171,3 +172,16 @@ def test_a_coordinate_that_does_not_fix_the_state_is_refused():
         TangentAnalysis(replace(SECTION_4, field=(X2, X1 - S)), DRIVEN)
     with pytest.raises(ModelError, match="do not determine one state"):
         TangentAnalysis(SECTION_2, X2)
+
+
+def test_points_of_a_periodic_field_represent_those_of_all_periods() -> None:
+    """A pendulum with friction sticks where abs(sin(x)) <= F: each of its fields has two tangent points in a period."""
+    pendulum = hr.System(["x", "v"], {"F": "1/2"}, {"s": "v"}, ["v", "-sin(x) - F*s"])
+    found = {side: [] for side in (-1, 1)}  # type: dict[int, list[sp.Expr]]
+    for point in hr.tangent_points(pendulum):
+        found[point.side].append(sp.Mod(point.position, 2 * sp.pi))
+    assert {side: set(places) for side, places in found.items()} == {
+        -1: {sp.pi / 6, 5 * sp.pi / 6},
+        1: {7 * sp.pi / 6, 11 * sp.pi / 6},
+    }
+    assert [len(places) for places in found.values()] == [2, 2]
