@@ -7,9 +7,11 @@ from pathlib import Path
 from threading import Barrier
 
 import pytest
+import sympy as sp
 
 import henon_ref as hr
 from henon_ref.simulation import launch as compiled
+from henon_ref.simulation.quick_start import Number
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -101,6 +103,13 @@ def test_threads_with_other_starts_do_not_disturb_each_other(name: str) -> None:
     with ThreadPoolExecutor(6) as pool:
         for _ in range(3):
             assert list(pool.map(run, starts)) == alone
+
+
+def test_a_number_without_parameters_is_rounded_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """When it is made, under the lock of SymPy; runs only read it."""
+    third = Number(sp.Rational(1, 3))
+    monkeypatch.delattr("henon_ref.simulation.quick_start.double_double")
+    assert third.pair(()) == (1 / 3, float(sp.Rational(1, 3) - sp.Rational(1 / 3)))
 
 
 def test_quick_starts_from_many_threads_are_those_of_one() -> None:
