@@ -86,6 +86,14 @@ def test_an_expression_that_has_a_branch_point_where_it_is_least() -> None:
     assert (least, largest) == (pytest.approx([0.5], rel=1e-9), pytest.approx([math.sqrt(5.25)], rel=1e-14))
 
 
+def test_a_peak_far_narrower_than_a_step_is_missed() -> None:
+    """As the docstring of ``observe.extremes`` states; a peak that shows in the series on a step is found."""
+    system = hr.System(["x", "v"], {"w": 1}, {"s": "v"}, ["v", "-w^2*x"])
+    for sharpness, expected in ((10, 1.0), (1000, 0.0)):
+        _, largest = extremes(system, {"x": 1, "v": 0}, 3, {"w": [1.0]}, f"exp(-({sharpness}*(x - 0.3))^2)")
+        assert largest == pytest.approx([expected], abs=1e-12)
+
+
 def test_a_run_that_cannot_begin_has_none() -> None:
     table = hr.sweep(
         hr.System(["x"], {"a": 1}, {"s": "x"}, ["-a*s"], valid=["a - x"]),
