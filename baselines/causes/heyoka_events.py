@@ -80,7 +80,8 @@ def event_is_its_taylor_polynomial() -> str:
 )
 def gap_at_the_end_of_a_series() -> str:
     """If the last two Taylor coefficients are zero or rounding and others are not, as at a symmetric state, the step is
-    many times too long for the tolerance. At a tolerance with another order it may be right.
+    many times too long for the tolerance. At a tolerance with another order it may be right. The series is that of a
+    state, or of an event function: a run that misses all transitions does not show which.
 
     A pendulum at rest at a right angle, whose energy is zero: only every fourth coefficient is more than rounding.
     """

@@ -34,7 +34,9 @@ def double_root(wrong: WrongRun) -> bool:
 def wrong_from_the_start(wrong: WrongRun) -> bool:
     """The run misses all transitions, more than a pair of one surface, or the time of the first is far off.
 
-    Nearly always the motion itself is then wrong: errors of the size of the tolerance move no time by its square root.
+    The rows show that a step was too long, not whose series had the gap: if the time of a transition is far off, it is
+    nearly always that of a state, since errors of the size of the tolerance move no time by its square root; if all
+    transitions are missed, the motion may be right and the event function's polynomial wrong.
     """
     lost = wrong.run.matched == 0 and len(wrong.missed) > 2 and len({row.surface for row in wrong.missed}) == 1
     far = math.sqrt(number(wrong.run.rtol))
