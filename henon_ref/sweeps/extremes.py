@@ -257,11 +257,13 @@ class Extremes(Observation):
 
         for k, point in enumerate(runs.arguments()):
             try:
-                solution = simulate(runs.system, **point).sol
+                run = simulate(runs.system, **point)
             except HenonRefError:  # the row of the point has the reason
                 continue
-            assert solution is not None
-            parts.append(pieces_of(k, solution, after))
+            if run.status != runs.status[k]:  # its steps exceed the memory that a run may keep
+                continue
+            assert run.sol is not None
+            parts.append(pieces_of(k, run.sol, after))
             if sum(part.states.size for part in parts) > 1 << 22:  # bounds the memory; one run alone may need more
                 search()
         search()

@@ -112,7 +112,7 @@ def period(
 
 @explained
 def extremes(of: str, after: float | None = None, name: str | None = None) -> Observation:
-    """Minimum and maximum of an expression: columns ``min_NAME`` and ``max_NAME``.
+    """Minimum and maximum of an expression: columns ``min_NAME`` and ``max_NAME``; NaN if the steps take over 2 GiB.
 
     Both are values of the expression on the run's dense output. On a step the expression is represented by its Taylor
     polynomial, which is exact if the expression is linear in time and states. Otherwise its error is estimated, from

@@ -94,6 +94,16 @@ def test_a_peak_far_narrower_than_a_step_is_missed() -> None:
         assert largest == pytest.approx([expected], abs=1e-12)
 
 
+def test_a_run_whose_steps_exceed_the_memory_has_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its dense output would end before the run."""
+    system = hr.System(["x", "v"], {"w": 1}, {}, ["v", "-w^2*x"])
+    monkeypatch.setattr("henon_ref.integrator.state_view.MOST_KEPT", 10**5)
+    observed = [hr.observe.extremes("x*t", name="e")]
+    table = hr.sweep(system, {"x": 1, "v": 0}, until=500, grid={"w": [1, 0.001]}, observe=observed, jobs=1)
+    assert table["status"].tolist() == ["ok", "ok"]
+    assert np.isnan(table["max_e"]).tolist() == [True, False]
+
+
 def test_a_run_that_cannot_begin_has_none() -> None:
     table = hr.sweep(
         hr.System(["x"], {"a": 1}, {"s": "x"}, ["-a*s"], valid=["a - x"]),
