@@ -99,7 +99,7 @@ def test_a_run_whose_steps_exceed_the_memory_has_none(monkeypatch: pytest.Monkey
     system = hr.System(["x", "v"], {"w": 1}, {}, ["v", "-w^2*x"])
     monkeypatch.setattr("henon_ref.integrator.state_view.MOST_KEPT", 10**5)
     observed = [hr.observe.extremes("x*t", name="e")]
-    table = hr.sweep(system, {"x": 1, "v": 0}, until=500, grid={"w": [1, 0.001]}, observe=observed, jobs=1)
+    table = hr.sweep(system, {"x": 1, "v": 0}, until=5000, grid={"w": [1, 0.001]}, observe=observed, jobs=1)
     assert table["status"].tolist() == ["ok", "ok"]
     assert np.isnan(table["max_e"]).tolist() == [True, False]
 
