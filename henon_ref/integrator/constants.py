@@ -18,7 +18,7 @@ from henon_ref.integrator.mode_table import CompiledModes, ModeTable
 from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.records import Workspace
 from henon_ref.jit.processor_time import compiling
-from henon_ref.kernel.shared import doubles, ffi, integers, kernel
+from henon_ref.kernel.library import doubles, ffi, integers, kernel
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME

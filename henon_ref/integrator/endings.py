@@ -17,16 +17,16 @@ import numpy as np
 from flint import arb, arb_poly
 from numpy.typing import NDArray
 
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.precise_modes import PreciseModes, split
 from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.kernel.shared import EPS, LEVELS, kernel
+from henon_ref.kernel.library import EPS, LEVELS, kernel
 from henon_ref.modes.decision import ended, explained, several
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
 SIDES = (1.0, 0.47, 0.22, 0.09, 0.03)

@@ -21,15 +21,15 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.pairs import Pair, exact_expression, pair_of_exact
 from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, Workspace, written
-from henon_ref.kernel.shared import doubles, ffi, integers, kernel
+from henon_ref.kernel.library import doubles, ffi, integers, kernel
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import REMAINING
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62

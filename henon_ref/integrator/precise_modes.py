@@ -15,9 +15,10 @@ import sympy as sp
 from flint import arb, arb_poly
 
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
-from henon_ref.kernel.shared import EPS
+from henon_ref.kernel.library import EPS
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
 from henon_ref.modes.equations import Guard, gradient
@@ -32,7 +33,6 @@ from henon_ref.modes.mode_evaluation import (
 )
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.taylor.series import BALL, expand
 from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
 

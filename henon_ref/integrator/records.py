@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.kernel.shared import doubles, ffi, kernel, record_dtype
+from henon_ref.kernel.library import doubles, ffi, kernel, record_dtype
 from henon_ref.modes.mode import Mode
 
 HENON: int = kernel.HENON

@@ -20,7 +20,7 @@ from henon_ref.integrator.records import HENON, numbered, step_dtype
 from henon_ref.integrator.run_result import Reason, RunResult, TransitionArray, shown
 from henon_ref.integrator.state_view import NO_DECISIONS, NO_SAMPLES, State
 from henon_ref.jit.processor_time import Deadline
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem

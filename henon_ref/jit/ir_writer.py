@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 
 LANES: int = kernel.LANES
 """Number of doubles in a vector."""

@@ -60,7 +60,7 @@ def _writers() -> dict[str, Any]:
     from henon_ref.taylor.llvm.expansion import expansion_ir, values_ir
     from henon_ref.taylor.llvm.looped import looped_expansion_ir
     from henon_ref.taylor.llvm.rounding import rounding_ir
-    from henon_ref.taylor.llvm.step_end import looped_step_end_ir, step_end_ir
+    from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
 
     return {
         "expansion": expansion_ir,

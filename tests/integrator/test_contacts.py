@@ -16,7 +16,7 @@ import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON, mode_dtype, numbered, packed, read, unpacked, words_of, written
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi, kernel
+from henon_ref.kernel.library import ffi, kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event
 from henon_ref.modes.system import FilippovSystem

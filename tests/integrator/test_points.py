@@ -22,7 +22,7 @@ from henon_ref.integrator.points import Keep, PointRuns
 from henon_ref.integrator.records import HENON, LANDINGS
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.run_result import KINDS
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory

@@ -25,7 +25,7 @@ from henon_ref.integrator.constants import LoopProgram, ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi
+from henon_ref.kernel.library import ffi
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem

@@ -9,7 +9,7 @@ from problems import make_problem
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.records import HENON, TRANSITION, step_dtype, transition_dtype
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi, kernel, record_dtype
+from henon_ref.kernel.library import ffi, kernel, record_dtype
 
 
 def test_one_library_serves_every_size() -> None:

@@ -20,7 +20,7 @@ from henon_ref.harness.studies.price.chains import chain
 from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run, run_to_horizon
-from henon_ref.kernel.shared import ffi, kernel
+from henon_ref.kernel.library import ffi, kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 

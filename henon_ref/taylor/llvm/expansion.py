@@ -18,7 +18,7 @@ from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
-from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, last_terms, longest_step
+from henon_ref.taylor.llvm.step import GROWING, inverse_size, last_terms, longest_step
 from henon_ref.taylor.tape import Node, Tape
 
 _VECTOR = f"<{LANES} x double>"

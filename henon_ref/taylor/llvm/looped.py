@@ -24,7 +24,7 @@ from henon_ref.jit.ir_writer import LANES, IRWriter, literal, loop_function, row
 from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes
 from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, copy_lines, row_lines, state_lines, total_lines
 from henon_ref.taylor.llvm.shapes import Factors, Shapes
-from henon_ref.taylor.llvm.step_bounds import GROWING
+from henon_ref.taylor.llvm.step import GROWING
 from henon_ref.taylor.tape import Tape
 
 Pointers = Sequence[tuple[str, str]]

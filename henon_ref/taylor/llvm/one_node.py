@@ -19,7 +19,7 @@ from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolut
 from henon_ref.taylor.llvm.linear_forms import Factor, Form, Pair
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.shapes import Shape
-from henon_ref.taylor.llvm.step_bounds import inverse_size, longest_step
+from henon_ref.taylor.llvm.step import inverse_size, longest_step
 from henon_ref.taylor.tape import Node
 
 CHEAP = 3

@@ -14,8 +14,8 @@ from numpy.polynomial import Polynomial
 from henon_ref.integrator import records as k
 from henon_ref.integrator.mode_code import bernstein_code
 from henon_ref.jit.ir_writer import row_length
-from henon_ref.kernel.shared import EPS, LEVELS, doubles, ffi
-from henon_ref.kernel.shared import kernel as p
+from henon_ref.kernel.library import EPS, LEVELS, doubles, ffi
+from henon_ref.kernel.library import kernel as p
 
 ORDER = 12
 
