@@ -20,7 +20,7 @@ import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
-from henon_ref.integrator import start_mode
+from henon_ref.integrator import precise_modes
 from henon_ref.integrator.constants import LoopProgram, ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.records import HENON
@@ -236,8 +236,8 @@ def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
 
 def test_a_start_on_surfaces_is_decided_once(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = hr.System(["x", "y"], {"a": 1, "b": 2}, {"s": "x", "u": "y"}, ["a*t - s", "b*t - u"])
-    real, decided = start_mode.mode_by_signs, list[object]()
-    monkeypatch.setattr(start_mode, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
+    real, decided = precise_modes.mode_by_signs, list[object]()
+    monkeypatch.setattr(precise_modes, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
     hr.simulate(pair, {"x": 1, "y": 1}, until=0.1)  # the first run of a system prepares the starts of later ones
     starts: list[dict[str, Any]] = [
         {"start": 0},
