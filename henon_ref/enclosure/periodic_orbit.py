@@ -16,8 +16,7 @@ from math import ceil, inf, log2
 from flint import acb, arb, arb_mat
 
 from henon_ref.enclosure.consistency import EndedError
-from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
-from henon_ref.enclosure.lohner import diagonal
+from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError, diagonal
 from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem

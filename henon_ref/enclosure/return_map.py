@@ -18,9 +18,9 @@ from flint import arb, arb_mat
 
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.consistency import Entry
+from henon_ref.enclosure.enclosure import PointSet
 from henon_ref.enclosure.event import Hit
 from henon_ref.enclosure.flow import ValidatedFlow
-from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
 from henon_ref.modes.mode import Mode

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import TRANSITION_PLACES
-from henon_ref.integrator.run_result import TransitionArray
+from henon_ref.integrator.run_result import DenseOutput, TransitionArray, checked_times
 from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
-from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.launch import Outcome
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from henon_ref.casefile.case import check_model, check_surfaces
+from henon_ref.casefile.files import read_yaml
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.schema import (
     CaseName,
@@ -26,7 +27,6 @@ from henon_ref.casefile.schema import (
     Tolerance,
     whole_number,
 )
-from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.simulation.system import System
