@@ -22,8 +22,8 @@ from henon_ref.expressions.traversal import size
 from henon_ref.modes.equations import along as rate_along
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import check_system
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
+from henon_ref.system.python_arguments import explained
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
 

@@ -15,7 +15,7 @@ from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, axes_of_portrait, mark_transitions, portrait, position_of, velocity_of
 from henon_ref.figures.time_series import MOST_SURFACES, over_time
 from henon_ref.modes.system import FilippovSystem
-from henon_ref.simulation.calls import check_words
+from henon_ref.system.python_arguments import check_words
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 

@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from henon_ref.errors import ArgumentError
-from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import mapping_of, source_of, tree_of, written_name
+from henon_ref.system.python_arguments import (
+    check_words,
+    explained_methods,
+    mapping_of,
+    source_of,
+    tree_of,
+    written_name,
+)
 from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
 from henon_ref.system.tree import Node, Place, mapping, sequence

@@ -12,7 +12,7 @@ from henon_ref.casefile.files import parse_yaml
 from henon_ref.casefile.form import read_form
 from henon_ref.casefile.schema import CaseForm, Gate, Published, check_form
 from henon_ref.errors import CaseError
-from henon_ref.system.python_values import tree_of
+from henon_ref.system.python_arguments import tree_of
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode
 
