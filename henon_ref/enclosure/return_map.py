@@ -59,16 +59,6 @@ class Guess:
 
 
 @dataclass(frozen=True)
-class OrbitEvent:
-    """One change of mode on the orbit."""
-
-    from_mode: Mode
-    to_mode: Mode
-    time: arb
-    state: tuple[arb, ...]
-
-
-@dataclass(frozen=True)
 class MappedPoint:
     """Result of the return map."""
 
@@ -78,7 +68,7 @@ class MappedPoint:
     """Derivative of the end by the start, in free coordinates."""
     elapsed: arb
     """Time taken [s]."""
-    events: tuple[OrbitEvent, ...]
+    events: tuple[Hit, ...]
     state: tuple[arb, ...]
     """Full state at the start."""
 
@@ -141,7 +131,7 @@ class ReturnMap:
             [end[i + 1] for i in self.free],
             self._derivative(flow.derivative, begin),
             end[0] - self.time,
-            tuple(OrbitEvent(h.before, h.after, h.box[0], h.box[1:]) for h in events),
+            tuple(events),
             tuple(state),
         )
 

@@ -11,29 +11,22 @@ from collections.abc import Iterable, Sequence
 
 from henon_ref.jit.ir_writer import LANES
 
-IN_A_ROW, SAME = "in a row", "same"
 _VECTOR = f"<{LANES} x double>"
-_POINTED = re.compile(r"  (%\S+) = getelementptr double, ptr %(\w+), i64 \d+")
-_LOADED = re.compile(r"  (%\S+) = load double, ptr (%[^,]+), align 8")
-_STORED = re.compile(r"  store double (\S+), (.*)")
-_CALLED = re.compile(r"  (%\S+) = call double @([\w.]+)\((.*)\)")
-_SELECTED = re.compile(r"  (%\S+) = select i1 (%\S+), double (\S+), double (\S+)")
-_COMPUTED = re.compile(r"  (%\S+ = (?:fadd|fsub|fmul|fdiv|fneg|fcmp \w+)) double (.*)")
 _UNIT = "%unit"
 """A number that is the same in all lanes."""
 
 
 def arrangement(places: Sequence[Sequence[int]]) -> tuple[str, ...]:
-    """Where the numbers of the lanes are for each pointer; empty if some are neither in a row nor the same.
+    """Where each pointer's numbers of the lanes are, ``in a row`` or ``same``; empty if some are neither.
 
     ``places``: for each lane the places of all pointers.
     """
     found = []
     for first, *others in zip(*places, strict=True):
         if others == [first + i for i in range(1, LANES)]:
-            found.append(IN_A_ROW)
+            found.append("in a row")
         elif others == [first] * (LANES - 1):
-            found.append(SAME)
+            found.append("same")
         else:
             return ()
     return tuple(found)
@@ -50,9 +43,9 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
     same: set[str] = set()
     """Pointers to the same number in all lanes."""
     for line in lines:
-        if pointed := _POINTED.fullmatch(line):
+        if pointed := re.fullmatch(r"  (%\S+) = getelementptr double, ptr %(\w+), i64 \d+", line):
             name, array = pointed.groups()
-            if array.startswith("p") and arranged[int(array[1:])] == SAME:
+            if array.startswith("p") and arranged[int(array[1:])] == "same":
                 same.add(name)
             found.append(line)
         else:
@@ -61,19 +54,19 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
 
 
 def _widened(line: str, same: set[str]) -> list[str]:
-    if found := _COMPUTED.fullmatch(line):
+    if found := re.fullmatch(r"  (%\S+ = (?:fadd|fsub|fmul|fdiv|fneg|fcmp \w+)) double (.*)", line):
         return [f"  {found[1]} {_VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
-    if found := _LOADED.fullmatch(line):
+    if found := re.fullmatch(r"  (%\S+) = load double, ptr (%[^,]+), align 8", line):
         name, pointer = found.groups()
         if pointer in same:
             return [f"  {name}.number = load double, ptr {pointer}, align 8", *_splat(name, f"{name}.number")]
         return [f"  {name} = load {_VECTOR}, ptr {pointer}, align 8"]
-    if found := _STORED.fullmatch(line):
+    if found := re.fullmatch(r"  store double (\S+), (.*)", line):
         return [f"  store {_VECTOR} {_wide(found[1])}, {found[2]}"]
-    if found := _SELECTED.fullmatch(line):
+    if found := re.fullmatch(r"  (%\S+) = select i1 (%\S+), double (\S+), double (\S+)", line):
         values = ", ".join(f"{_VECTOR} {_wide(value)}" for value in found.groups()[2:])
         return [f"  {found[1]} = select <{LANES} x i1> {found[2]}, {values}"]
-    found = _CALLED.fullmatch(line)
+    found = re.fullmatch(r"  (%\S+) = call double @([\w.]+)\((.*)\)", line)
     assert found, line
     name, function, text = found.groups()
     arguments = [_wide(each.removeprefix("double ")) for each in text.split(", ")]

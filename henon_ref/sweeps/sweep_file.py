@@ -73,7 +73,6 @@ class SweepForm(Form):
 
 
 T = TypeVar("T")
-POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
 def load_sweep(path: str | Path) -> Plan:
@@ -104,8 +103,9 @@ def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool =
 def _points(source: Source, system: System, folder: Path) -> Points:
     (kind,) = source.keys(("points",))
     path: KeyPath = ("points", kind)
-    if kind not in POINT_KINDS:
-        raise source.unknown(path, f"unknown kind '{kind}'", "allowed", POINT_KINDS)
+    known = ("grid", "table", "random", "continuation")
+    if kind not in known:
+        raise source.unknown(path, f"unknown kind '{kind}'", "allowed", known)
     node = child(source.tree, path)
     if kind == "table":
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str):

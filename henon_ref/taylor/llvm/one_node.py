@@ -24,10 +24,7 @@ from henon_ref.taylor.tape import Node
 
 CHEAP = 3
 """Largest number of operations for which a value is computed again instead of stored."""
-_DEFINED = re.compile(r"  (%v\d+) = (.*)")
 _NAME = re.compile(r"%v\d+")
-_FREE = re.compile(r"getelementptr|load")
-_SHORT = re.compile(r"fneg|fadd|fsub|fmul")
 
 
 class Pieces(NamedTuple):
@@ -243,7 +240,7 @@ class _Cut:
         self.piece: dict[str, int] = {}
         for number, body in enumerate(self.bodies):
             for line in body:
-                if found := _DEFINED.match(line):
+                if found := re.match(r"  (%v\d+) = (.*)", line):
                     self.texts[found[1]], self.piece[found[1]] = found[2], number
         self.kept: dict[str, int] = {}
         """Value -> its place in memory."""
@@ -285,7 +282,9 @@ class _Cut:
             return 0
         if name not in self._costs:
             text = self.texts[name]
-            cost = 0 if _FREE.match(text) else 1 if _SHORT.match(text) else CHEAP + 1
+            free = text.startswith(("getelementptr", "load"))
+            short = text.startswith(("fneg", "fadd", "fsub", "fmul"))
+            cost = 0 if free else 1 if short else CHEAP + 1
             if cost <= CHEAP:
                 cost += sum(self._keep_for(each) for each in _NAME.findall(text))
             if cost > CHEAP:
