@@ -219,8 +219,8 @@ class Scene:
         from matplotlib.patches import Patch
 
         from henon_ref.figures import style
+        from henon_ref.figures.plots import keywords_of
         from henon_ref.figures.scene import schematic
-        from henon_ref.simulation.plot import keywords_of
 
         check_words("Scene.plot", patch, ("ax",), keywords_of(Patch))
         scene = self._drawable()

@@ -267,7 +267,7 @@ class Solution(Outcome):
         ArgumentError
             If there is no dense output, the run has not left its start, or a name is not a state.
         """
-        from henon_ref.simulation.plot import plotted
+        from henon_ref.figures.plots import plotted
 
         marked = self.transitions if transitions else None
         return plotted(self.system.model, self._drawn(), x, y, ax, marked, line)
@@ -295,7 +295,7 @@ class Solution(Outcome):
         ArgumentError
             As in :meth:`plot`.
         """
-        from henon_ref.simulation.plot import plotted_over_time
+        from henon_ref.figures.plots import plotted_over_time
 
         return plotted_over_time(self.system.model, self._drawn(), names, ax, line)
 

@@ -79,9 +79,9 @@ class _LoopedExpansion:
             self.stride += 4  # otherwise the numbers of a column are in few sets of the cache
         found = {shape for shape, _ in self.found.values()}
         self.pieces = {shape: OneNode(shape, order, self.stride).pieces() for shape in found}
-        self.straight = {shape: [*map(can_be_in_lanes, pieces.lines)] for shape, pieces in self.pieces.items()}
+        self.straight = {shape: [*map(can_be_in_lanes, lines)] for shape, (lines, _) in self.pieces.items()}
         """Whether the code of a piece can be in lanes."""
-        self.memory = self.stride * max([1, *(pieces.room for pieces in self.pieces.values())])
+        self.memory = self.stride * max([1, *(room for _, room in self.pieces.values())])
         """Number of doubles of ``S`` allocated so far."""
         self.totals: dict[Factors, int] = {}
         """Place in ``S`` of each sum of constants."""
@@ -150,7 +150,7 @@ class _LoopedExpansion:
 
     def _piece(self, group: Sequence[int], k: int) -> None:
         shape, _ = self.found[group[0]]
-        self._for_all(group, k, self.pieces[shape].lines[k], self.straight[shape][k])
+        self._for_all(group, k, self.pieces[shape][0][k], self.straight[shape][k])
 
     def _for_all(self, group: Sequence[int], key: Hashable, lines: list[str], straight: bool) -> None:
         """Call the code of one series, ``lines``, for all series of a group; in lanes if it is ``straight``."""

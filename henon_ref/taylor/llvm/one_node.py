@@ -12,7 +12,6 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
 from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
@@ -26,12 +25,8 @@ CHEAP = 3
 """Largest number of operations for which a value is computed again instead of stored."""
 _NAME = re.compile(r"%v\d+")
 
-
-class Pieces(NamedTuple):
-    """Lines of each piece, and the number of rows of the matrix that the pieces use."""
-
-    lines: list[list[str]]
-    room: int
+Pieces = tuple[list[list[str]], int]
+"""Lines of each piece, and the number of rows of the matrix that the pieces use."""
 
 
 class _Series(Coefficients):
@@ -101,7 +96,7 @@ class OneNode:
     def pieces(self) -> Pieces:
         """Code of a node, or of a state's rate, one piece per order; of an output in one piece."""
         if self.shape.op == "output":
-            return Pieces([self._output()], self.order + 1)
+            return [self._output()], self.order + 1
         if self.shape.op == "rate":
             return self._rate_pieces()
         recurrence, y, starts = self.recurrence(), self.y, [0]
@@ -266,7 +261,7 @@ class _Cut:
             new = [found for found in self.kept.items() if self.piece[found[0]] == number]
             ends = [line for found in (*stores[number], *new) for line in self._stored(*found)]
             lines.append([*before.values(), *body, *ends])
-        return Pieces(lines, self.room)
+        return lines, self.room
 
     def _earlier(self, number: int) -> list[str]:
         """Values of earlier pieces that a piece reads."""
