@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.figures import style
 from henon_ref.figures.motion import (
     Motion,
@@ -122,7 +122,7 @@ def _surfaces_about(system: FilippovSystem, k: int) -> list[int]:
 
 def _surface_label(system: FilippovSystem, k: int) -> str:
     surface = system.surfaces[k]
-    formula = f" = {latex(surface)}" if size(surface, 100) <= 100 else ""  # a longer one does not fit
+    formula = "" if is_longer(surface, 100) else f" = {latex(surface)}"  # a longer one does not fit
     return f"${latex(system.signs[k])}$:  $h{formula}$"
 
 

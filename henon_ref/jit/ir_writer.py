@@ -15,6 +15,8 @@ from henon_ref.kernel.library import kernel
 
 LANES: int = kernel.LANES
 """Number of doubles in a vector."""
+VECTOR = f"<{LANES} x double>"
+"""Its type."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
 
 Value = str | None

@@ -9,9 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from henon_ref.jit.ir_writer import LANES
+from henon_ref.jit.ir_writer import LANES, VECTOR
 
-_VECTOR = f"<{LANES} x double>"
 _UNIT = "%unit"
 """A number that is the same in all lanes."""
 
@@ -55,16 +54,16 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
 
 def _widened(line: str, same: set[str]) -> list[str]:
     if found := re.fullmatch(r"  (%\S+ = (?:fadd|fsub|fmul|fdiv|fneg|fcmp \w+)) double (.*)", line):
-        return [f"  {found[1]} {_VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
+        return [f"  {found[1]} {VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
     if found := re.fullmatch(r"  (%\S+) = load double, ptr (%[^,]+), align 8", line):
         name, pointer = found.groups()
         if pointer in same:
             return [f"  {name}.number = load double, ptr {pointer}, align 8", *_splat(name, f"{name}.number")]
-        return [f"  {name} = load {_VECTOR}, ptr {pointer}, align 8"]
+        return [f"  {name} = load {VECTOR}, ptr {pointer}, align 8"]
     if found := re.fullmatch(r"  store double (\S+), (.*)", line):
-        return [f"  store {_VECTOR} {_wide(found[1])}, {found[2]}"]
+        return [f"  store {VECTOR} {_wide(found[1])}, {found[2]}"]
     if found := re.fullmatch(r"  (%\S+) = select i1 (%\S+), double (\S+), double (\S+)", line):
-        values = ", ".join(f"{_VECTOR} {_wide(value)}" for value in found.groups()[2:])
+        values = ", ".join(f"{VECTOR} {_wide(value)}" for value in found.groups()[2:])
         return [f"  {found[1]} = select <{LANES} x i1> {found[2]}, {values}"]
     found = re.fullmatch(r"  (%\S+) = call double @([\w.]+)\((.*)\)", line)
     assert found, line
@@ -72,8 +71,8 @@ def _widened(line: str, same: set[str]) -> list[str]:
     arguments = [_wide(each.removeprefix("double ")) for each in text.split(", ")]
     if not function.startswith("llvm."):
         return _call_by_lane(name, function, arguments)
-    wide = ", ".join(f"{_VECTOR} {each}" for each in arguments)
-    return [f"  {name} = call {_VECTOR} @{function.replace('.f64', f'.v{LANES}f64')}({wide})"]
+    wide = ", ".join(f"{VECTOR} {each}" for each in arguments)
+    return [f"  {name} = call {VECTOR} @{function.replace('.f64', f'.v{LANES}f64')}({wide})"]
 
 
 def _wide(value: str) -> str:
@@ -84,8 +83,8 @@ def _wide(value: str) -> str:
 
 def _splat(name: str, value: str) -> list[str]:
     return [
-        f"  {name}.one = insertelement {_VECTOR} poison, double {value}, i64 0",
-        f"  {name} = shufflevector {_VECTOR} {name}.one, {_VECTOR} poison, <{LANES} x i32> zeroinitializer",
+        f"  {name}.one = insertelement {VECTOR} poison, double {value}, i64 0",
+        f"  {name} = shufflevector {VECTOR} {name}.one, {VECTOR} poison, <{LANES} x i32> zeroinitializer",
     ]
 
 
@@ -95,11 +94,11 @@ def _call_by_lane(name: str, function: str, arguments: Sequence[str]) -> list[st
     for i in range(LANES):
         numbers = [f"{name}.from{i}.{j}" for j in range(len(arguments))]
         lines += [
-            f"  {number} = extractelement {_VECTOR} {argument}, i64 {i}"
+            f"  {number} = extractelement {VECTOR} {argument}, i64 {i}"
             for number, argument in zip(numbers, arguments, strict=True)
         ]
         lines.append(f"  {name}.of{i} = call double @{function}({', '.join(f'double {number}' for number in numbers)})")
         after = name if i == LANES - 1 else f"{name}.part{i}"
-        lines.append(f"  {after} = insertelement {_VECTOR} {before}, double {name}.of{i}, i64 {i}")
+        lines.append(f"  {after} = insertelement {VECTOR} {before}, double {name}.of{i}, i64 {i}")
         before = after
     return lines

@@ -9,14 +9,14 @@ from html import escape
 
 import sympy as sp
 
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.grouping import grouped
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.text import html, listed, spelled
 
-MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
-"""Largest number of operations of one expression, and of all, set as formulas: SymPy's printer is slow on long ones."""
+MOST_IN_ALL = 2_500
+"""Largest number of operations of all expressions that are set as formulas: SymPy's printer is slow on long ones."""
 
 MOST_IN_CELL = 200
 """Largest number of operations of an expression shown in a table or in a line."""
@@ -84,7 +84,7 @@ def general_form(system: SwitchedField) -> str:
 
 
 def short(expression: sp.Expr) -> str:
-    text = str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else "..."
+    text = "..." if is_longer(expression, MOST_IN_CELL) else str(expression)
     return text if len(text) <= 40 else text[:37] + "..."
 
 
@@ -92,9 +92,7 @@ def table_html(system: SwitchedField) -> str:
     """Table of a system for a notebook: rates, surfaces and parameters, with short expressions as formulas."""
 
     def cell(expression: sp.Expr) -> str:
-        return (
-            f"${escape(latex(expression))}$" if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else "<code>...</code>"
-        )
+        return "<code>...</code>" if is_longer(expression, MOST_IN_CELL) else f"${escape(latex(expression))}$"
 
     rows = [(rf"\dot{{{latex(x)}}}", f) for x, f in zip(system.states, system.field, strict=True)]
     rows += [(rf"{latex(s)} = \mathrm{{sign}}", h) for s, h in zip(system.signs, system.surfaces, strict=True)]
@@ -104,12 +102,12 @@ def table_html(system: SwitchedField) -> str:
 
 
 def printable(expression: sp.Expr) -> bool:
-    return size(expression, MOST_OPERATIONS) <= MOST_OPERATIONS
+    return not is_longer(expression, 500)
 
 
 def few(expressions: Sequence[sp.Expr]) -> bool:
     """Check whether expressions together are short enough to be printed."""
-    return size((e for e in expressions if printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
+    return not is_longer((e for e in expressions if printable(e)), MOST_IN_ALL)
 
 
 def derivative(state: sp.Symbol, rate: sp.Expr) -> str:

@@ -21,7 +21,7 @@ from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.expressions.evaluation import Written
 from henon_ref.expressions.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
 from henon_ref.expressions.operations import Work, spelled_out
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.system.source import Source
 from henon_ref.system.tree import NOWHERE, MappingNode, Node, Place, ScalarNode, SequenceNode, child, mapping, sequence
 from henon_ref.text import did_you_mean, listed, shortened
@@ -88,7 +88,7 @@ def as_given(value: object, what: str) -> Written:
     """
     if not isinstance(value, sp.Expr):
         return written(value, what)
-    if size(value, MAX_LENGTH) > MAX_LENGTH:
+    if is_longer(value, MAX_LENGTH):
         raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
     if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in value.atoms(sp.Rational)):
         raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
 
-from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
+from henon_ref.jit.ir_writer import LANES, VECTOR, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Factor, Form, Pair
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
@@ -177,7 +177,7 @@ def row_lines(order: int, stride: int) -> list[str]:
 
     Rows that are not required point to that of the first column, which is stored last.
     """
-    w, kind, width = IRWriter(), f"<{LANES} x double>", row_length(order)
+    w, kind, width = IRWriter(), VECTOR, row_length(order)
 
     def mixed(a: str, b: str, lanes: str) -> str:
         mask = ", ".join(f"i32 {i}" for i in lanes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import comb
 
-from henon_ref.jit.ir_writer import LANES, ONE, ZERO, IRWriter, Value, literal, loop_function, row_length
+from henon_ref.jit.ir_writer import LANES, ONE, VECTOR, ZERO, IRWriter, Value, literal, loop_function, row_length
 from henon_ref.kernel.library import kernel
 
 ARGUMENT_CHANGE = 8.0
@@ -20,8 +20,6 @@ GROWING = ("exp", "sinh", "tanh")
 """Functions whose argument bounds the step."""
 SATURATED = {"exp": 750.0, "tanh": 20.0}
 """Argument (exp: minus the argument) beyond which the value is 0 (tanh: 1 or -1) to the last digit."""
-
-_VECTOR = f"<{LANES} x double>"
 
 
 def last_terms(w: IRWriter, rows: Sequence[Sequence[Value]], sizes: Sequence[str], order: int) -> list[str]:
@@ -141,15 +139,15 @@ def _row(
     """Store the result of one row: a state's change, or an output's lower ``bound``."""
     zero, terms = w.vector([ZERO] * LANES), []
     for v in range(row_length(order) // LANES):
-        term = w.load(row[0], row[1] + v * LANES, _VECTOR)
+        term = w.load(row[0], row[1] + v * LANES, VECTOR)
         if v == 0:
-            term = w.emit(f"insertelement {_VECTOR} {term}, double {ZERO}, i64 0")
+            term = w.emit(f"insertelement {VECTOR} {term}, double {ZERO}, i64 0")
         if (v + 1) * LANES > order + 1:  # behind the row's end memory may hold anything
             own = ", ".join(f"i1 {int(k <= order)}" for k in range(v * LANES, (v + 1) * LANES))
-            term = w.emit(f"select <{LANES} x i1> <{own}>, {_VECTOR} {term}, {_VECTOR} {zero}")
+            term = w.emit(f"select <{LANES} x i1> <{own}>, {VECTOR} {term}, {VECTOR} {zero}")
         if bound:
-            below = w.emit(f"fcmp olt {_VECTOR} {term}, {zero}")
-            term = w.emit(f"select <{LANES} x i1> {below}, {_VECTOR} {term}, {_VECTOR} {zero}")
+            below = w.emit(f"fcmp olt {VECTOR} {term}, {zero}")
+            term = w.emit(f"select <{LANES} x i1> {below}, {VECTOR} {term}, {VECTOR} {zero}")
         terms.append(term)
     total = _estrin(w, terms, strides)
     total = w.across(LANES, w.lanewise("fmul", LANES, total, powers))
@@ -185,9 +183,9 @@ def bernstein_ir(order: int, name: str) -> str:
     for v in range(blocks):
         places = ", ".join(f"i64 {v * LANES + i}" for i in range(LANES))
         counts = w.emit(f"icmp sle <{LANES} x i64> <{places}>, {degree}")
-        product = w.lanewise("fmul", LANES, w.load("%q", v * LANES, _VECTOR), w.load("%powers", v * LANES, _VECTOR))
-        terms.append(w.emit(f"select <{LANES} x i1> {counts}, {_VECTOR} {product}, {_VECTOR} {zero}"))
-        w.store(terms[v], "%a", v * LANES, _VECTOR)
+        product = w.lanewise("fmul", LANES, w.load("%q", v * LANES, VECTOR), w.load("%powers", v * LANES, VECTOR))
+        terms.append(w.emit(f"select <{LANES} x i1> {counts}, {VECTOR} {product}, {VECTOR} {zero}"))
+        w.store(terms[v], "%a", v * LANES, VECTOR)
     splats = [w.shuffled(LANES, terms[k // LANES], [k % LANES] * LANES) for k in range(order + 1)]
     positive, certain = "0", "0"
     for v in range(blocks):
@@ -196,9 +194,9 @@ def bernstein_ir(order: int, name: str) -> str:
             weights = w.vector([literal(_weight(order, k, i)) for i in range(LANES * v, LANES * v + LANES)])
             chains[k % 2] = w.lanewise_fused(LANES, splats[k], weights, chains[k % 2])
         b = w.lanewise("fadd", LANES, *chains)
-        w.store(b, "%b", v * LANES, _VECTOR)
-        positive = _with_signs(w, positive, f"fcmp ogt {_VECTOR} {b}, {zero}", v)
-        certain = _with_signs(w, certain, f"fcmp one {_VECTOR} {b}, {zero}", v)
+        w.store(b, "%b", v * LANES, VECTOR)
+        positive = _with_signs(w, positive, f"fcmp ogt {VECTOR} {b}, {zero}", v)
+        certain = _with_signs(w, certain, f"fcmp one {VECTOR} {b}, {zero}", v)
     positive = w.emit(f"and i64 {positive}, {every}")
     certain = w.emit(f"icmp eq i64 {w.emit(f'and i64 {certain}, {every}')}, {every}")
     turned = w.emit(f"xor i64 {positive}, {w.emit(f'lshr i64 {positive}, 1')}")
