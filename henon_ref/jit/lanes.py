@@ -11,6 +11,12 @@ from collections.abc import Iterable, Sequence
 
 from henon_ref.jit.ir_writer import LANES, VECTOR
 
+_POINTED = re.compile(r"  (%\S+) = getelementptr double, ptr %(\w+), i64 \d+")
+_LOADED = re.compile(r"  (%\S+) = load double, ptr (%[^,]+), align 8")
+_STORED = re.compile(r"  store double (\S+), (.*)")
+_CALLED = re.compile(r"  (%\S+) = call double @([\w.]+)\((.*)\)")
+_SELECTED = re.compile(r"  (%\S+) = select i1 (%\S+), double (\S+), double (\S+)")
+_COMPUTED = re.compile(r"  (%\S+ = (?:fadd|fsub|fmul|fdiv|fneg|fcmp \w+)) double (.*)")
 _UNIT = "%unit"
 """A number that is the same in all lanes."""
 
@@ -42,7 +48,7 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
     same: set[str] = set()
     """Pointers to the same number in all lanes."""
     for line in lines:
-        if pointed := re.fullmatch(r"  (%\S+) = getelementptr double, ptr %(\w+), i64 \d+", line):
+        if pointed := _POINTED.fullmatch(line):
             name, array = pointed.groups()
             if array.startswith("p") and arranged[int(array[1:])] == "same":
                 same.add(name)
@@ -53,19 +59,19 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
 
 
 def _widened(line: str, same: set[str]) -> list[str]:
-    if found := re.fullmatch(r"  (%\S+ = (?:fadd|fsub|fmul|fdiv|fneg|fcmp \w+)) double (.*)", line):
+    if found := _COMPUTED.fullmatch(line):
         return [f"  {found[1]} {VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
-    if found := re.fullmatch(r"  (%\S+) = load double, ptr (%[^,]+), align 8", line):
+    if found := _LOADED.fullmatch(line):
         name, pointer = found.groups()
         if pointer in same:
             return [f"  {name}.number = load double, ptr {pointer}, align 8", *_splat(name, f"{name}.number")]
         return [f"  {name} = load {VECTOR}, ptr {pointer}, align 8"]
-    if found := re.fullmatch(r"  store double (\S+), (.*)", line):
+    if found := _STORED.fullmatch(line):
         return [f"  store {VECTOR} {_wide(found[1])}, {found[2]}"]
-    if found := re.fullmatch(r"  (%\S+) = select i1 (%\S+), double (\S+), double (\S+)", line):
+    if found := _SELECTED.fullmatch(line):
         values = ", ".join(f"{VECTOR} {_wide(value)}" for value in found.groups()[2:])
         return [f"  {found[1]} = select <{LANES} x i1> {found[2]}, {values}"]
-    found = re.fullmatch(r"  (%\S+) = call double @([\w.]+)\((.*)\)", line)
+    found = _CALLED.fullmatch(line)
     assert found, line
     name, function, text = found.groups()
     arguments = [_wide(each.removeprefix("double ")) for each in text.split(", ")]

@@ -31,6 +31,7 @@ Pointers = Sequence[tuple[str, str]]
 """Name of the pointer of each entry of a table's row, and the array into which it points."""
 Arranged = tuple[str, ...]
 """Where the numbers of the lanes are (:func:`henon_ref.jit.lanes.arrangement`); empty if a pass is for one series."""
+_POINTER = re.compile(r"%p\d+")
 _TIMES = "double %unit, double %t_hi, double %t_lo"
 
 
@@ -220,7 +221,7 @@ def _pointers(arrays: str) -> Pointers:
 
 def _loop_ir(name: str, pointers: Pointers, lines: list[str]) -> str:
     """Loop over the rows of a table: each entry is the offset of a pointer, in doubles, from the start of its array."""
-    used = {found for line in lines for found in re.findall(r"%p\d+", line)}
+    used = {found for line in lines for found in _POINTER.findall(line)}
     row = [f"  %from = mul i64 %at, {len(pointers)}", "  %row = getelementptr i64, ptr %T, i64 %from"]
     for i, (pointer, array) in enumerate(pointers):
         if pointer in used:

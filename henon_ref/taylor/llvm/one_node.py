@@ -23,7 +23,10 @@ from henon_ref.taylor.tape import Node
 
 CHEAP = 3
 """Largest number of operations for which a value is computed again instead of stored."""
+_DEFINED = re.compile(r"  (%v\d+) = (.*)")
 _NAME = re.compile(r"%v\d+")
+_FREE = re.compile(r"getelementptr|load")
+_SHORT = re.compile(r"fneg|fadd|fsub|fmul")
 
 Pieces = tuple[list[list[str]], int]
 """Lines of each piece, and the number of rows of the matrix that the pieces use."""
@@ -235,7 +238,7 @@ class _Cut:
         self.piece: dict[str, int] = {}
         for number, body in enumerate(self.bodies):
             for line in body:
-                if found := re.match(r"  (%v\d+) = (.*)", line):
+                if found := _DEFINED.match(line):
                     self.texts[found[1]], self.piece[found[1]] = found[2], number
         self.kept: dict[str, int] = {}
         """Value -> its place in memory."""
@@ -277,9 +280,7 @@ class _Cut:
             return 0
         if name not in self._costs:
             text = self.texts[name]
-            free = text.startswith(("getelementptr", "load"))
-            short = text.startswith(("fneg", "fadd", "fsub", "fmul"))
-            cost = 0 if free else 1 if short else CHEAP + 1
+            cost = 0 if _FREE.match(text) else 1 if _SHORT.match(text) else CHEAP + 1
             if cost <= CHEAP:
                 cost += sum(self._keep_for(each) for each in _NAME.findall(text))
             if cost > CHEAP:
