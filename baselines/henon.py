@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from henon_ref.errors import UnsupportedError
-from henon_ref.integrator.records import BRENT, HENON, LANDINGS, NEWTON
+from henon_ref.integrator.records import LANDINGS
 from henon_ref.integrator.run import prepared_run
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Run
 from henon_ref.workers.machine import library_versions
@@ -28,7 +29,7 @@ class HenonSolver:
     """
 
     name: str = "henon"
-    method: int = HENON
+    method: int = kernel.HENON
     fixed_step: bool = False
 
     @property
@@ -56,5 +57,5 @@ class HenonSolver:
 
 
 HENON_SOLVER = HenonSolver()
-HENON_NEWTON = HenonSolver("henon-newton", NEWTON)
-HENON_BRENT = HenonSolver("henon-brent", BRENT)
+HENON_NEWTON = HenonSolver("henon-newton", kernel.NEWTON)
+HENON_BRENT = HenonSolver("henon-brent", kernel.BRENT)

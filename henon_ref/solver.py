@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 
-MEMBERS = ("name", "fixed_step", "landing", "prepare")
-"""Attributes required of a solver."""
 Run = Callable[[], Trajectory]
 """A prepared run, without arguments; each call performs the whole run independently of earlier calls."""
 
@@ -111,15 +109,15 @@ def fault(candidate: object) -> str:
     """
     if isinstance(candidate, type):
         return f"is the class {candidate.__name__}, wanted an instance of it: {candidate.__name__}()"
-    held: dict[str, object] = {}
-    for member in MEMBERS:
+    required, held = ("name", "fixed_step", "landing", "prepare"), dict[str, object]()
+    for member in required:
         try:
             held[member] = getattr(candidate, member)
         except AttributeError:
             continue
         except Exception as error:  # noqa: BLE001 - a property may raise anything
             return f"is no solver: its {member} raises {type(error).__name__}: {error}"
-    missing = [member for member in MEMBERS if member not in held]
+    missing = [member for member in required if member not in held]
     if missing:
         kind = type(candidate).__name__
         return f"is no solver: {kind} has no {', '.join(missing)} (see henon_ref.solver.Solver)"

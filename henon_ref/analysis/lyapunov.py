@@ -23,9 +23,8 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import written
+from henon_ref.system.python_arguments import explained, written
 from henon_ref.trajectory import Status
 
 BATCHES = 10

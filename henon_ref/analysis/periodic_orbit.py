@@ -16,8 +16,8 @@ from henon_ref.errors import ArgumentError
 from henon_ref.integrator.run import prepared_run
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
+from henon_ref.system.python_arguments import explained
 from henon_ref.taylor.tape import TIME
 from henon_ref.trajectory import Trajectory, Transition
 

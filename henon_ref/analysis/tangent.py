@@ -18,17 +18,15 @@ from typing import Any, Literal
 import sympy as sp
 
 from henon_ref.errors import ArgumentError, ModelError
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.modes.equations import along as rate_along
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import check_system
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
+from henon_ref.system.python_arguments import explained
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed, shortened
 
-LONGEST = 100
-"""Largest number of operations of an expression that SymPy simplifies and solves by heuristics."""
 _Z = sp.Symbol("z", real=True)
 Visibility = Literal["visible", "invisible", "degenerate", "depends on time"]
 
@@ -285,7 +283,7 @@ def _is_short(expression: sp.Expr) -> bool:
     """Check whether SymPy's heuristics end soon: few operations, and no nested functions."""
     functions = expression.atoms(sp.Function)
     return (
-        size(expression, LONGEST) <= LONGEST
+        not is_longer(expression, 100)
         and len(functions) <= 4
         and not any(a.has(sp.Function) for f in functions for a in f.args)
     )

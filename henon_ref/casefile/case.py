@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from henon_ref.casefile import expected
-from henon_ref.casefile.files import located
+from henon_ref.casefile.files import located, parse_yaml, read_yaml
 from henon_ref.casefile.form import read_form
-from henon_ref.casefile.notebook import case_html
 from henon_ref.casefile.schema import (
     READING_KEYS,
     CaseForm,
@@ -31,9 +30,9 @@ from henon_ref.casefile.schema import (
     file_name,
     one_line,
 )
-from henon_ref.casefile.yaml_file import parse_yaml, read_yaml
 from henon_ref.errors import CaseError
 from henon_ref.expressions.bounds import exact_sign
+from henon_ref.modes.latex import case_html
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import SlidingOverride
 from henon_ref.system.assembly import Scene

@@ -12,7 +12,7 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import simplified
 from henon_ref.expressions.bounds import terms
 from henon_ref.expressions.grammar import ELEMENTARY
-from henon_ref.expressions.traversal import Rules, Walk, fold, size
+from henon_ref.expressions.traversal import Rules, Walk, fold, is_longer
 
 PATIENCE = 400
 """Largest number of operations for which a proof is tried, since algebra may not end; a quarter of it if the expression
@@ -103,7 +103,7 @@ def proves_zero(expression: sp.Expr) -> bool:
     if expression == 0 or simplified(expression) == 0:
         return True
     patience = PATIENCE if expression.is_number else PATIENCE // 4
-    if size(expression, patience) > patience:
+    if is_longer(expression, patience):
         return False
     simple = sp.simplify(expression)
     if simple == 0:

@@ -9,10 +9,9 @@ from flint import arb, arb_mat
 
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.consistency import Entry
-from henon_ref.enclosure.enclosure import Curve, Expansion, Tail, UndecidedError, expand
+from henon_ref.enclosure.enclosure import Curve, Expansion, PointSet, Tail, UndecidedError, diagonal, expand
 from henon_ref.enclosure.event import Hit, first_fall, guard_curve, guard_text
 from henon_ref.enclosure.impacts import Accumulation, ProvenMaps, Rest
-from henon_ref.enclosure.lohner import PointSet, diagonal
 from henon_ref.enclosure.mode_selection import entry_after, entry_after_jump, entry_at_rest
 from henon_ref.enclosure.model import ModeModel, SystemModel
 from henon_ref.modes.equations import Guard, gradient

@@ -18,9 +18,9 @@ from flint import arb, arb_mat
 
 from henon_ref.enclosure.balls import enclose, proves_zero
 from henon_ref.enclosure.consistency import Entry
+from henon_ref.enclosure.enclosure import PointSet
 from henon_ref.enclosure.event import Hit
 from henon_ref.enclosure.flow import ValidatedFlow
-from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.model import SystemModel, solve_for_states
 from henon_ref.errors import HenonRefError
 from henon_ref.modes.mode import Mode
@@ -59,16 +59,6 @@ class Guess:
 
 
 @dataclass(frozen=True)
-class OrbitEvent:
-    """One change of mode on the orbit."""
-
-    from_mode: Mode
-    to_mode: Mode
-    time: arb
-    state: tuple[arb, ...]
-
-
-@dataclass(frozen=True)
 class MappedPoint:
     """Result of the return map."""
 
@@ -78,7 +68,7 @@ class MappedPoint:
     """Derivative of the end by the start, in free coordinates."""
     elapsed: arb
     """Time taken [s]."""
-    events: tuple[OrbitEvent, ...]
+    events: tuple[Hit, ...]
     state: tuple[arb, ...]
     """Full state at the start."""
 
@@ -141,7 +131,7 @@ class ReturnMap:
             [end[i + 1] for i in self.free],
             self._derivative(flow.derivative, begin),
             end[0] - self.time,
-            tuple(OrbitEvent(h.before, h.after, h.box[0], h.box[1:]) for h in events),
+            tuple(events),
             tuple(state),
         )
 

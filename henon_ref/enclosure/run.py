@@ -12,10 +12,9 @@ from flint import arb
 
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.consistency import EndedError
-from henon_ref.enclosure.enclosure import UndecidedError
+from henon_ref.enclosure.enclosure import PointSet, UndecidedError
 from henon_ref.enclosure.event import Hit
 from henon_ref.enclosure.flow import ValidatedFlow
-from henon_ref.enclosure.lohner import PointSet
 from henon_ref.enclosure.mode_selection import initial_entry
 from henon_ref.enclosure.model import SystemModel
 from henon_ref.modes.mode import Mode, transition_kind

@@ -99,3 +99,8 @@ def size(expression: sp.Expr | Iterable[sp.Expr], limit: int) -> int:
         count += 1
         waiting += part.args
     return count
+
+
+def is_longer(expression: sp.Expr | Iterable[sp.Expr], limit: int) -> bool:
+    """Check whether the :func:`size` of one or several expressions exceeds a limit."""
+    return size(expression, limit) > limit

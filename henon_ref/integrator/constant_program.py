@@ -24,7 +24,7 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rule, Rules, Walk, fold
-from henon_ref.kernel.shared import LEVELS, doubles, ffi, integers, kernel
+from henon_ref.kernel.library import LEVELS, doubles, ffi, integers, kernel
 from henon_ref.precision import working_precision
 
 ADD, MULTIPLY, POWER, SQRT = kernel.ADD, kernel.MULTIPLY, kernel.POWER, kernel.SQRT

@@ -18,14 +18,13 @@ from henon_ref.integrator.mode_table import CompiledModes, ModeTable
 from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.records import Workspace
 from henon_ref.jit.processor_time import compiling
-from henon_ref.kernel.shared import doubles, ffi, integers, kernel
+from henon_ref.kernel.library import doubles, ffi, integers, kernel
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time
 from henon_ref.taylor.tape import TIME
 
 if TYPE_CHECKING:
-    from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
-    from henon_ref.integrator.start_mode import StartMode
+    from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes, StartMode
     from henon_ref.modes.mode_evaluation import ModeEvaluation
 
 
@@ -217,8 +216,8 @@ class ModeConstants:
 
     @cached_property
     def start_mode(self) -> Callable[..., StartMode]:
-        """:func:`henon_ref.integrator.start_mode.start_mode` in these modes; the last 16 results are cached."""
-        from henon_ref.integrator.start_mode import start_mode  # rarely needed
+        """:func:`henon_ref.integrator.precise_modes.start_mode` in these modes; the last 16 results are cached."""
+        from henon_ref.integrator.precise_modes import start_mode  # rarely needed
 
         return lru_cache(maxsize=16)(partial(start_mode, self.in_doubles))
 

@@ -17,20 +17,17 @@ import numpy as np
 from flint import arb, arb_poly
 from numpy.typing import NDArray
 
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.precise_modes import PreciseModes, split
 from henon_ref.integrator.run_result import Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.kernel.shared import EPS, LEVELS, kernel
+from henon_ref.kernel.library import EPS, LEVELS, kernel
 from henon_ref.modes.decision import ended, explained, several
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
-
-SIDES = (1.0, 0.47, 0.22, 0.09, 0.03)
-"""Distances from the branch point at which the guards are evaluated on both sides, relative to that distance."""
 
 
 def ending_of(run: State, code: int) -> tuple[Status, Reason]:
@@ -192,7 +189,8 @@ def _passed(modes: PreciseModes, mode: Mode, time: arb, state: Sequence[arb], le
             return None
     states = [arb_poly(series) for series in motion]
     values = []
-    for place in (arb(side * part) for part in SIDES for side in (1, -1)):
+    # Distances from the branch point on both sides, relative to ``length``.
+    for place in (arb(side * part) for part in (1.0, 0.47, 0.22, 0.09, 0.03) for side in (1, -1)):
         at = modes.guard_values(mode, time + length * place, [series(place) for series in states])
         if not all(value.is_finite() for value in at):  # most branch points are ends of the domain
             return None

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 
 from flint import arb, arb_poly
 
-from henon_ref.integrator.precise_modes import ENDING_ORDERS
-from henon_ref.kernel.shared import EPS, LEVELS
-from henon_ref.modes.equations import Guard
-from henon_ref.roots.multiprecision import (
+from henon_ref.integrator.multiprecision_roots import (
     CLEARANCE,
     FLAT_STEPS,
     ONE,
@@ -24,6 +21,9 @@ from henon_ref.roots.multiprecision import (
     leading_term,
     minimum_beside,
 )
+from henon_ref.integrator.precise_modes import ENDING_ORDERS
+from henon_ref.kernel.library import EPS, LEVELS
+from henon_ref.modes.equations import Guard
 
 
 @dataclass(frozen=True)

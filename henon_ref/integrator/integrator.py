@@ -21,15 +21,15 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.pairs import Pair, exact_expression, pair_of_exact
-from henon_ref.integrator.records import CHUNK, HENON, STATE_PLACE, Workspace, written
-from henon_ref.kernel.shared import doubles, ffi, integers, kernel
+from henon_ref.integrator.records import CHUNK, STATE_PLACE, Workspace, written
+from henon_ref.kernel.library import doubles, ffi, integers, kernel
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import REMAINING
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
@@ -85,7 +85,7 @@ class Start:
 def run_template(
     sizes: tuple[int, ...],
     tolerance: float,
-    landing: int = HENON,
+    landing: int = kernel.HENON,
     stop_falling: int = 0,
     stop_rising: int = 0,
     most_steps: int = MOST_STEPS,
@@ -99,7 +99,7 @@ def run_template(
     tolerance : float
         Local error of a step, relative to the size of each state and guard on the step.
     landing : int
-        HENON, NEWTON or BRENT of :mod:`henon_ref.integrator.records`.
+        HENON, NEWTON or BRENT of ``kernel.h``.
     stop_falling, stop_rising : int
         Surfaces, a bit each (1 << index), on which the run ends if their expression falls (rises) to zero.
     most_steps : int

@@ -12,11 +12,12 @@ from flint import arb
 
 from henon_ref.integrator.endings import ending_of, pass_branch_point, range_ending
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.precise_modes import PreciseMotion, split
 from henon_ref.integrator.records import TRANSITION, TRANSITION_PLACES, written
 from henon_ref.integrator.run_result import KINDS, Reason
 from henon_ref.integrator.state_view import State
-from henon_ref.kernel.shared import LEVELS, kernel
+from henon_ref.kernel.library import LEVELS, kernel
 from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
@@ -24,7 +25,6 @@ from henon_ref.modes.mode import Mode, numbered_mode, replaced, transition_kind
 from henon_ref.modes.resets import REMAINING, resetting, rows_at
 from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.trajectory import Status
 
 Ending = tuple[Status, Reason]

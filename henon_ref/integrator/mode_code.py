@@ -12,7 +12,7 @@ import sympy as sp
 from numpy.typing import NDArray
 
 from henon_ref.jit.native_module import NativeModule, source_hash
-from henon_ref.kernel.shared import ffi, kernel
+from henon_ref.kernel.library import ffi, kernel
 from henon_ref.modes.equations import Guard, ModeTape, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import Jump, impact_of, jump_of
@@ -195,15 +195,15 @@ def _speeds(
 
 @cache
 def bernstein_code(order: int) -> NativeModule:
-    """Compile the function ``bernstein`` of an order (:mod:`henon_ref.roots.bernstein`)."""
+    """Compile the function ``bernstein`` of an order (:mod:`henon_ref.taylor.llvm.step`)."""
 
     def written() -> str:
         from henon_ref.jit.ir_writer import declarations  # needed only for compiling
-        from henon_ref.roots.bernstein import bernstein_ir
+        from henon_ref.taylor.llvm.step import bernstein_ir
 
         return declarations() + bernstein_ir(order, "bernstein")
 
-    sources = source_hash("roots/bernstein.py", "jit/*.py", "kernel/kernel.h")
+    sources = source_hash("taylor/llvm/step.py", "jit/*.py", "kernel/kernel.h")
     return NativeModule(written, key=f"{sources} bernstein {order}")
 
 

@@ -26,7 +26,7 @@ from henon_ref.integrator.mode_code import (
 )
 from henon_ref.integrator.records import mode_dtype, packed, unpacked
 from henon_ref.jit.processor_time import compiling
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.contact_loops import guard_count
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.kinks import continuous

@@ -1,8 +1,9 @@
 """Multiprecision event location, for events that double precision cannot decide (grazes, close or multiple roots).
 
 The mode is expanded again with 220 bits (:mod:`henon_ref.integrator.precise_modes`) from the start of the step, and the
-roots of its guards are isolated (:mod:`henon_ref.roots.multiprecision`). Expansions are truncated where their terms are
-negligible, and roots are located to about 1e-50 of the step: not a proof, but far more accurate than double precision.
+roots of its guards are isolated (:mod:`henon_ref.integrator.multiprecision_roots`). Expansions are truncated where
+their terms are negligible, and roots are located to about 1e-50 of the step: not a proof, but far more accurate than
+double precision.
 
 All guards of the mode are examined. The step ends at the first event of any guard; events of other guards within its
 radius belong to it. The following mode is decided there in the same arithmetic. If the rounding error of the state at
@@ -25,6 +26,7 @@ from henon_ref.integrator.guard_events import (
     is_clear,
     load_equals_friction,
 )
+from henon_ref.integrator.multiprecision_roots import BITS, ONE, fixed_point
 from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.precise_modes import MOST_ORDER, PreciseModes, split
 from henon_ref.modes.decision import Decision
@@ -33,7 +35,6 @@ from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import resetting
 from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
-from henon_ref.roots.multiprecision import BITS, ONE, fixed_point
 
 SMALL_PART = 2.0**-40
 """Perturbation of the state relative to its rounding error, for the first-order change of a minimum."""

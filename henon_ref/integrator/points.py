@@ -23,7 +23,7 @@ from henon_ref.integrator.records import (
 )
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.run_result import numbered_rows
-from henon_ref.kernel.shared import doubles, ffi, integers, kernel, record_dtype
+from henon_ref.kernel.library import doubles, ffi, integers, kernel, record_dtype
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Status, Trajectory
 

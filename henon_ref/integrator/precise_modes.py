@@ -1,4 +1,4 @@
-"""Modes in Python, in doubles or balls, at any parameter values; their motion and guards in multiprecision.
+"""Modes in Python, in doubles or balls, at any parameter values: mode of a start, motion and guards in multiprecision.
 
 The Taylor series are in the ball arithmetic of python-flint.
 """
@@ -8,18 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
 from flint import arb, arb_poly
 
 from henon_ref.integrator.constant_program import ConstantProgram, constant_program
+from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.pairs import Pair
 from henon_ref.jit.processor_time import compiling
-from henon_ref.kernel.shared import EPS
+from henon_ref.kernel.library import EPS
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
+from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import (
@@ -30,11 +32,12 @@ from henon_ref.modes.mode_evaluation import (
     guards_and_tape,
     shared_tape,
 )
+from henon_ref.modes.selection import contact_orders, mode_by_signs, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
-from henon_ref.roots.multiprecision import BITS
 from henon_ref.taylor.series import BALL, expand
 from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
+from henon_ref.trajectory import Status
 
 MOST_ORDER = 320
 """Largest order of an expansion; it ends earlier if its terms are negligible or the motion is a polynomial."""
@@ -276,3 +279,55 @@ class PreciseMotion:
             self._state = [series(arb(1)).mid() for series in states]
             self._time = time if unit is left else (self._time + unit).mid()
         return True
+
+
+class StartMode(NamedTuple):
+    """Mode of a start."""
+
+    mode: Mode | None
+    orders: list[int]
+    """Known zeros of each guard; empty if there are none."""
+    still: list[int]
+    """Surfaces whose function vanishes here with its derivative: rounding may decide how it goes on."""
+    status: Status = "failed"
+    reason: str = ""
+    """Status of the run, and the reason, if there is no mode."""
+
+
+def start_mode(
+    modes: ModeEvaluation,
+    t: float,
+    x: tuple[float, ...],
+    signs: tuple[int | None, ...],
+    given: tuple[tuple[int, int], ...],
+) -> StartMode:
+    """Return the mode of a start on surfaces that compiled code does not decide, by fields and derivatives.
+
+    ``modes``: in doubles; ``signs``: of the surfaces, then of the ``valid`` expressions, None for one without a value;
+    ``given``: surfaces with their entries, where several motions are possible.
+    """
+    system, count = modes.system, len(modes.system.surfaces)
+    known = [1 if sign is None else sign for sign in signs]
+    at = modes.at(t, x)
+    decision = mode_by_signs(at, known[:count], known[count:], dict(given))
+    unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
+    for i, sign in enumerate(signs):
+        if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
+            what = f"the surface of '{system.sign_names[i]}'" if i < count else "an expression of 'valid'"
+            return StartMode(None, [], [], reason=f"{what} has no finite real value at the start")
+    if decision.mode is None:
+        return StartMode(None, [], [], decision.ending, decision.reason)
+    active, edges = ([i for i, sign in enumerate(part) if sign == 0] for part in (signs[:count], signs[count:]))
+    if not (active or edges):
+        return StartMode(decision.mode, [], [])
+    try:
+        orders = contact_orders(at, decision.mode, active, edges)
+        still = [
+            guard.index
+            for guard, order in zip(system.guards(decision.mode), orders, strict=True)
+            if guard.kind == "surface" and guard.index in active
+            if order > 1 or stays(at, decision.mode, guard.index)
+        ]
+    except ARITHMETIC:  # the loop finds no finite step either, and the reason
+        return StartMode(decision.mode, [], [])
+    return StartMode(decision.mode, orders, still)

@@ -17,13 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from henon_ref.kernel.shared import doubles, ffi, kernel, record_dtype
+from henon_ref.kernel.library import doubles, ffi, kernel, record_dtype
 from henon_ref.modes.mode import Mode
 
-HENON: int = kernel.HENON
-NEWTON: int = kernel.NEWTON
-BRENT: int = kernel.BRENT
-"""Landing methods."""
 LANDINGS = ("henon", "newton", "brent", "bracket")
 """Names of the landing methods, then of bisection, their fallback."""
 TRANSITION, STEP = record_dtype("transition"), record_dtype("step")

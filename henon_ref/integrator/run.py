@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from henon_ref.integrator.constants import LoopData
 from henon_ref.integrator.integrator import NO_LIMIT, Integrator, Start, local_error, order_for, out_of_steps
-from henon_ref.integrator.records import HENON, numbered, step_dtype
+from henon_ref.integrator.records import numbered, step_dtype
 from henon_ref.integrator.run_result import Reason, RunResult, TransitionArray, shown
 from henon_ref.integrator.state_view import MOST_KEPT, NO_DECISIONS, NO_SAMPLES, State
 from henon_ref.jit.processor_time import Deadline
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
@@ -64,7 +64,7 @@ def prepared_run(
     problem: Problem,
     *,
     rtol: float,
-    landing: int = HENON,
+    landing: int = kernel.HENON,
     sample_times: NDArray[np.float64] | None = None,
     deadline: float | None = None,
 ) -> Callable[[], Trajectory]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from henon_ref.integrator.integrator import Integrator, Start
 from henon_ref.integrator.pairs import Pair
 from henon_ref.integrator.records import CHUNK, STATE_PLACE, STEP, STEP_PLACES, Workspace, read, words_of, written
-from henon_ref.kernel.shared import doubles, ffi
+from henon_ref.kernel.library import doubles, ffi
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Decisions, Trajectory

@@ -31,10 +31,6 @@ VARIABLE = "HENON_REF_CACHE_DIR"
 """Environment variable with the folder; by default ``henon_ref`` in the user's cache (``XDG_CACHE_HOME``)."""
 OBJECTS = "objects"
 """Subfolder of the modules' machine code."""
-PRIVATE = 0o700
-"""Mode of new folders."""
-_CHECK = 32
-"""Bytes of a file's checksum: SHA-256 of its name and content."""
 _NOWHERE = Path(os.devnull, "henon_ref")
 """Path that cannot exist: no file is found or kept in it."""
 _LOG = logging.getLogger(__name__)
@@ -72,7 +68,7 @@ def _refused(wanted: Path, folder: Path) -> str | None:
     try:
         if sys.platform != "win32" and wanted.is_symlink() and wanted.lstat().st_uid not in (0, os.geteuid()):
             return "it is a link of another user"
-        folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         reason = _open_to_others(wanted, folder)
         if reason is None:
             with tempfile.TemporaryFile(dir=folder) as probe:
@@ -144,8 +140,8 @@ def read(file: Path) -> bytes | None:
         return None
     except OSError as error:
         why, found = error.strerror or str(error), b""
-    content = memoryview(found)[_CHECK:]
-    if why or found[:_CHECK] != _checksum(file, content):
+    content = memoryview(found)[32:]  # after the checksum, SHA-256 of name and content
+    if why or found[:32] != _checksum(file, content):
         _LOG.info("%s is not used and made anew: %s", file, why or "its checksum is wrong")
         return None
     return bytes(content)
@@ -153,7 +149,7 @@ def read(file: Path) -> bytes | None:
 
 def write(file: Path, content: bytes) -> None:
     """Write a file of the cache; a missing folder is made. OSError if it cannot be; an earlier version then remains."""
-    file.parent.mkdir(mode=PRIVATE, exist_ok=True)
+    file.parent.mkdir(mode=0o700, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=file.parent)
     try:
         with os.fdopen(handle, "wb") as stream:

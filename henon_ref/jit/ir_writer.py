@@ -11,12 +11,12 @@ import struct
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 
 LANES: int = kernel.LANES
 """Number of doubles in a vector."""
-_OF_LIBM = "nobuiltin readnone nounwind"
-"""Attributes of calls to the C library: no vector library (SVML, say), whose last digits differ, may replace them."""
+VECTOR = f"<{LANES} x double>"
+"""Its type."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
 
 Value = str | None
@@ -40,8 +40,9 @@ def literal(value: float) -> str:
 def declarations() -> str:
     """LLVM declarations of the functions that generated code calls."""
     functions = ("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "exp", "log")
-    lines = [f"declare double @{f}(double) {_OF_LIBM}" for f in functions]
-    lines.append(f"declare double @pow(double, double) {_OF_LIBM}")
+    of_libm = "nobuiltin readnone nounwind"  # no vector library (SVML, say), whose last digits differ, may replace them
+    lines = [f"declare double @{f}(double) {of_libm}" for f in functions]
+    lines.append(f"declare double @pow(double, double) {of_libm}")
     lines += [f"declare double @llvm.{f}.f64(double)" for f in _INTRINSICS if f != "fma"]
     lines.append("declare double @llvm.fma.f64(double, double, double)")
     for n in (2, 4):

@@ -9,10 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 
-from henon_ref.jit.ir_writer import LANES
+from henon_ref.jit.ir_writer import LANES, VECTOR
 
-IN_A_ROW, SAME = "in a row", "same"
-_VECTOR = f"<{LANES} x double>"
 _POINTED = re.compile(r"  (%\S+) = getelementptr double, ptr %(\w+), i64 \d+")
 _LOADED = re.compile(r"  (%\S+) = load double, ptr (%[^,]+), align 8")
 _STORED = re.compile(r"  store double (\S+), (.*)")
@@ -24,16 +22,16 @@ _UNIT = "%unit"
 
 
 def arrangement(places: Sequence[Sequence[int]]) -> tuple[str, ...]:
-    """Where the numbers of the lanes are for each pointer; empty if some are neither in a row nor the same.
+    """Where each pointer's numbers of the lanes are, ``in a row`` or ``same``; empty if some are neither.
 
     ``places``: for each lane the places of all pointers.
     """
     found = []
     for first, *others in zip(*places, strict=True):
         if others == [first + i for i in range(1, LANES)]:
-            found.append(IN_A_ROW)
+            found.append("in a row")
         elif others == [first] * (LANES - 1):
-            found.append(SAME)
+            found.append("same")
         else:
             return ()
     return tuple(found)
@@ -52,7 +50,7 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
     for line in lines:
         if pointed := _POINTED.fullmatch(line):
             name, array = pointed.groups()
-            if array.startswith("p") and arranged[int(array[1:])] == SAME:
+            if array.startswith("p") and arranged[int(array[1:])] == "same":
                 same.add(name)
             found.append(line)
         else:
@@ -62,16 +60,16 @@ def in_lanes(lines: Sequence[str], arranged: Sequence[str]) -> list[str]:
 
 def _widened(line: str, same: set[str]) -> list[str]:
     if found := _COMPUTED.fullmatch(line):
-        return [f"  {found[1]} {_VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
+        return [f"  {found[1]} {VECTOR} {', '.join(map(_wide, found[2].split(', ')))}"]
     if found := _LOADED.fullmatch(line):
         name, pointer = found.groups()
         if pointer in same:
             return [f"  {name}.number = load double, ptr {pointer}, align 8", *_splat(name, f"{name}.number")]
-        return [f"  {name} = load {_VECTOR}, ptr {pointer}, align 8"]
+        return [f"  {name} = load {VECTOR}, ptr {pointer}, align 8"]
     if found := _STORED.fullmatch(line):
-        return [f"  store {_VECTOR} {_wide(found[1])}, {found[2]}"]
+        return [f"  store {VECTOR} {_wide(found[1])}, {found[2]}"]
     if found := _SELECTED.fullmatch(line):
-        values = ", ".join(f"{_VECTOR} {_wide(value)}" for value in found.groups()[2:])
+        values = ", ".join(f"{VECTOR} {_wide(value)}" for value in found.groups()[2:])
         return [f"  {found[1]} = select <{LANES} x i1> {found[2]}, {values}"]
     found = _CALLED.fullmatch(line)
     assert found, line
@@ -79,8 +77,8 @@ def _widened(line: str, same: set[str]) -> list[str]:
     arguments = [_wide(each.removeprefix("double ")) for each in text.split(", ")]
     if not function.startswith("llvm."):
         return _call_by_lane(name, function, arguments)
-    wide = ", ".join(f"{_VECTOR} {each}" for each in arguments)
-    return [f"  {name} = call {_VECTOR} @{function.replace('.f64', f'.v{LANES}f64')}({wide})"]
+    wide = ", ".join(f"{VECTOR} {each}" for each in arguments)
+    return [f"  {name} = call {VECTOR} @{function.replace('.f64', f'.v{LANES}f64')}({wide})"]
 
 
 def _wide(value: str) -> str:
@@ -91,8 +89,8 @@ def _wide(value: str) -> str:
 
 def _splat(name: str, value: str) -> list[str]:
     return [
-        f"  {name}.one = insertelement {_VECTOR} poison, double {value}, i64 0",
-        f"  {name} = shufflevector {_VECTOR} {name}.one, {_VECTOR} poison, <{LANES} x i32> zeroinitializer",
+        f"  {name}.one = insertelement {VECTOR} poison, double {value}, i64 0",
+        f"  {name} = shufflevector {VECTOR} {name}.one, {VECTOR} poison, <{LANES} x i32> zeroinitializer",
     ]
 
 
@@ -102,11 +100,11 @@ def _call_by_lane(name: str, function: str, arguments: Sequence[str]) -> list[st
     for i in range(LANES):
         numbers = [f"{name}.from{i}.{j}" for j in range(len(arguments))]
         lines += [
-            f"  {number} = extractelement {_VECTOR} {argument}, i64 {i}"
+            f"  {number} = extractelement {VECTOR} {argument}, i64 {i}"
             for number, argument in zip(numbers, arguments, strict=True)
         ]
         lines.append(f"  {name}.of{i} = call double @{function}({', '.join(f'double {number}' for number in numbers)})")
         after = name if i == LANES - 1 else f"{name}.part{i}"
-        lines.append(f"  {after} = insertelement {_VECTOR} {before}, double {name}.of{i}, i64 {i}")
+        lines.append(f"  {after} = insertelement {VECTOR} {before}, double {name}.of{i}, i64 {i}")
         before = after
     return lines

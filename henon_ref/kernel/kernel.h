@@ -1,9 +1,8 @@
 /* Structures, enumerations and functions that the compiled loop and Python share.
  *
- * The compiler reads this file, and so does cffi (henon_ref.kernel.library); henon_ref.kernel.shared derives NumPy's
- * record types from it, so that there is no second description. Lengths of arrays: n states, G guards of the largest
- * mode, M compiled modes. Times are in seconds; the "unit" is the unit of time of a run's Taylor coefficients, about
- * the size of a step.
+ * The compiler reads this file, and so does henon_ref.kernel.library, which derives NumPy's record types from it,
+ * so that there is no second description. Lengths of arrays: n states, G guards of the largest mode, M compiled modes.
+ * Times are in seconds; the "unit" is the unit of time of a run's Taylor coefficients, about the size of a step.
  */
 #ifndef HENON_KERNEL_H
 #define HENON_KERNEL_H
@@ -90,7 +89,7 @@ enum {
     UNCLEAR_SIGN = 2       /* sign of a number that may be zero */
 };
 
-/* Machine code of a mode (henon_ref.taylor.llvm, henon_ref.roots.bernstein). */
+/* Machine code of a mode (henon_ref.taylor.llvm). */
 
 /* Compute Taylor coefficients, or values, at time t + t_low and state x, in a unit of time; row after row in out. */
 typedef void (*expand_code)(double t, double t_low, double unit, const double *x, const double *constants, double *out);

@@ -1,7 +1,7 @@
 /* Roots of a guard's Taylor polynomial on one step: isolation of the first falling root, without omissions.
  *
  * A bound excludes roots on most steps (positive_by_bound). If it does not, the signs of the Bernstein coefficients on
- * the step count the roots (Descartes' rule; henon_ref/roots/bernstein.py), with subdivision until the first falling
+ * the step count the roots (Descartes' rule; henon_ref/taylor/llvm/step.py), with subdivision until the first falling
  * root is isolated or the polynomial is zero to rounding (a tangential root). A piece that may hold two roots or none
  * is cut on both sides of its minimum, which leaves few cases undecided; any other piece is halved.
  */

@@ -176,8 +176,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         w->point[i] = w->x[i] + w->change[i];
     code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    /* In the new expansion exponentials must allow a quarter of the step (longest_step in
-     * taylor/llvm/step_bounds.py). */
+    /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {

@@ -22,7 +22,7 @@ from sympy.utilities.iterables import connected_components
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import MAX_SIZE, coefficients, expanded, simplified
 from henon_ref.expressions.bounds import put
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.modes.contact_loops import independent, loop_ends, relations
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.linear_system import solution, surfaces_solved
@@ -179,7 +179,7 @@ class _Joint:
             x = system.states[k]
             if x in self.on_surface:  # its derivative needs no force, and keeps the surface exactly
                 field[k] = along(self.on_surface[x], system.states, tuple(field))
-        if size(field, MAX_SIZE) > MAX_SIZE:
+        if is_longer(field, MAX_SIZE):
             raise ModelError(f"the equations of contacts that hold together are too large: {_names(system, group)}")
         self.field = tuple(field)
         self.guards = self._plain(matrix, scales, held)

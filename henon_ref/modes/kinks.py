@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from henon_ref.expressions.algebra import MAX_DERIVED
 from henon_ref.expressions.bounds import put
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 
@@ -96,7 +96,7 @@ def continuous(system: FilippovSystem) -> frozenset[int]:
 
 
 def _vanishes(system: FilippovSystem, jump: sp.Expr, surface: sp.Expr) -> bool:
-    if size(jump, MAX_DERIVED) > MAX_DERIVED:
+    if is_longer(jump, MAX_DERIVED):
         return False
     on_surface = [{surface: sp.S.Zero, -surface: sp.S.Zero}]
     for state in system.states:

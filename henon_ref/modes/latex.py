@@ -1,20 +1,22 @@
-"""Expressions and short systems as LaTeX, with conventional names: ``vp`` is v with index p."""
+"""Expressions and short systems as LaTeX, with conventional names (``vp``: v with index p), and as HTML."""
 
 from __future__ import annotations
 
-import html
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from html import escape
 
 import sympy as sp
 
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
+from henon_ref.grouping import grouped
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import SwitchedField
-from henon_ref.text import spelled
+from henon_ref.text import html, listed, spelled
 
-MOST_OPERATIONS, MOST_IN_ALL = 500, 2_500
-"""Largest number of operations of one expression, and of all, set as formulas: SymPy's printer is slow on long ones."""
+MOST_IN_ALL = 2_500
+"""Largest number of operations of all expressions that are set as formulas: SymPy's printer is slow on long ones."""
 
 MOST_IN_CELL = 200
 """Largest number of operations of an expression shown in a table or in a line."""
@@ -82,7 +84,7 @@ def general_form(system: SwitchedField) -> str:
 
 
 def short(expression: sp.Expr) -> str:
-    text = str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else "..."
+    text = "..." if is_longer(expression, MOST_IN_CELL) else str(expression)
     return text if len(text) <= 40 else text[:37] + "..."
 
 
@@ -90,11 +92,7 @@ def table_html(system: SwitchedField) -> str:
     """Table of a system for a notebook: rates, surfaces and parameters, with short expressions as formulas."""
 
     def cell(expression: sp.Expr) -> str:
-        return (
-            f"${html.escape(latex(expression))}$"
-            if size(expression, MOST_IN_CELL) <= MOST_IN_CELL
-            else "<code>...</code>"
-        )
+        return "<code>...</code>" if is_longer(expression, MOST_IN_CELL) else f"${escape(latex(expression))}$"
 
     rows = [(rf"\dot{{{latex(x)}}}", f) for x, f in zip(system.states, system.field, strict=True)]
     rows += [(rf"{latex(s)} = \mathrm{{sign}}", h) for s, h in zip(system.signs, system.surfaces, strict=True)]
@@ -104,12 +102,12 @@ def table_html(system: SwitchedField) -> str:
 
 
 def printable(expression: sp.Expr) -> bool:
-    return size(expression, MOST_OPERATIONS) <= MOST_OPERATIONS
+    return not is_longer(expression, 500)
 
 
 def few(expressions: Sequence[sp.Expr]) -> bool:
     """Check whether expressions together are short enough to be printed."""
-    return size((e for e in expressions if printable(e)), MOST_IN_ALL) <= MOST_IN_ALL
+    return not is_longer((e for e in expressions if printable(e)), MOST_IN_ALL)
 
 
 def derivative(state: sp.Symbol, rate: sp.Expr) -> str:
@@ -120,3 +118,31 @@ def derivative(state: sp.Symbol, rate: sp.Expr) -> str:
 def aligned(lines: Sequence[str]) -> str:
     """Equations below each other, aligned at ``&=``."""
     return "\\begin{aligned}\n" + " \\\\\n".join(lines) + "\n\\end{aligned}"
+
+
+def case_html(name: str, title: str, problems: Mapping[str, Problem]) -> str:
+    """Return a table of the readings' problems, followed by the equations; text of the case is escaped."""
+    rows = [_row(reading, problem) for reading, problem in list(problems.items())[:12]]
+    head = "".join(f"<th>{word}</th>" for word in ("reading", "states", "surfaces", "from t [s]", "to t [s]"))
+    body = "".join(f"<tr>{''.join(f'<td>{html(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    more = f"<p>and {len(problems) - len(rows)} more readings</p>" if len(problems) > len(rows) else ""
+    return f"<p><b>{html(name)}</b>: {html(title)}</p>{table}{more}{equations_html(problems)}"
+
+
+def _row(reading: str, problem: Problem) -> tuple[str, ...]:
+    states, signs = problem.system.state_names, problem.system.sign_names
+    return reading, listed(states), listed(signs), f"{float(problem.start):g}", f"{float(problem.until):g}"
+
+
+def equations_html(problems: Mapping[str, Problem]) -> str:
+    """Return the equations of the readings as typeset formulas; equal systems are shown once."""
+    systems = grouped(problems, lambda reading: general_form(problems[reading].system))
+    shown = list(systems.items())[:3]
+    parts = [
+        (f"<p>{html(listed(readings, 6))}:</p>" if len(systems) > 1 else "")
+        + (f"<div>$${escape(formula)}$$</div>" if formula else "<p>the equations are too long to be typeset</p>")
+        for formula, readings in shown
+    ]
+    more = f"<p>and {len(systems) - len(shown)} more systems of equations</p>" if len(systems) > len(shown) else ""
+    return "".join(parts) + more

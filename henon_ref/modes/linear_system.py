@@ -15,7 +15,7 @@ from sympy.utilities.iterables import connected_components
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import measured
 from henon_ref.expressions.bounds import terms
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.modes.switched_field import SwitchedField
 from henon_ref.taylor.tape import TIME
 
@@ -23,10 +23,8 @@ MAX_SYMBOLIC = 4
 """Largest number of coupled signs that are solved with symbolic parameters; beyond, their numbers are used."""
 EXPLICIT = 3
 """Largest number of rows for which a determinant is a short sum of products for any entries."""
-MAX_PRODUCTS, MAX_ENTRY = 5_000, 200
-"""Largest number of terms of an expanded determinant, and largest size of its entries."""
-MAX_JOINT = 200
-"""Largest total size of surfaces that are solved jointly for their states."""
+MAX_PRODUCTS = 5_000
+"""Largest number of terms of an expanded determinant."""
 
 Matrix = Sequence[Sequence[sp.Expr]]
 
@@ -104,7 +102,7 @@ def multiplies_out(matrix: sp.Matrix) -> bool:
         products *= sum(terms(entry, MAX_PRODUCTS) for entry in matrix.row(i) if entry != 0)
         if products > MAX_PRODUCTS:
             return False
-    return all(size(entry, MAX_ENTRY) <= MAX_ENTRY for entry in matrix)
+    return not any(is_longer(entry, 200) for entry in matrix)
 
 
 def _numeric_solution(system: SwitchedField, matrix: Matrix, right: Sequence[sp.Expr]) -> list[sp.Expr] | None:
@@ -187,7 +185,7 @@ def _on_surfaces(
             x: sp.expand(-h.xreplace({x: sp.S.Zero}) / system.constant_slope(h, x), deep=False)
             for h, x in zip(surfaces, unknown, strict=True)
         }
-    if sum(size(h, MAX_JOINT) for h in surfaces) > MAX_JOINT:
+    if is_longer(surfaces, 200):
         return {}
     try:
         found = sp.linsolve(surfaces, unknown)

@@ -35,7 +35,7 @@ from henon_ref.expressions.algebra import (
     simplified,
 )
 from henon_ref.expressions.bounds import put
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer, size
 from henon_ref.modes.equations import Guard, Refusal, along
 from henon_ref.modes.linear_system import Matrix, determinant, solution, surfaces_solved
 from henon_ref.modes.switched_field import SwitchedField
@@ -116,7 +116,7 @@ def _normal_velocities(
     slope: list[list[sp.Expr]] = []
     for n in normal:
         row = coefficients(n, signs)
-        if row is None and size(n, MAX_DERIVED) <= MAX_DERIVED:
+        if row is None and not is_longer(n, MAX_DERIVED):
             row = {s: d for s in signs if n.has(s) and (d := sp.diff(n, s)) != 0}
         slope.append([simplified(row[s]) if s in row else sp.S.Zero for s in signs] if row is not None else [])
     if any(not row or any(entry.has(*signs) for entry in row) for row in slope):
@@ -180,7 +180,7 @@ def _joined(chosen: Sequence[int], edges: Iterable[tuple[int, int]]) -> bool:
 
 
 def _small(expressions: Sequence[sp.Expr], signs: Sequence[sp.Symbol]) -> Sequence[sp.Expr]:
-    if size(expressions, MAX_SIZE) > MAX_SIZE:
+    if is_longer(expressions, MAX_SIZE):
         raise _too_large(signs)
     return expressions
 

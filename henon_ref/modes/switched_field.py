@@ -15,7 +15,7 @@ import sympy as sp
 
 from henon_ref.expressions.algebra import MAX_DERIVED, coefficients, up_to_a_number
 from henon_ref.expressions.bounds import put
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
@@ -142,7 +142,7 @@ class SwitchedField:
         if found is not None:
             slope = found.get(state)
         else:
-            slope = sp.diff(surface, state) if size(surface, MAX_DERIVED) <= MAX_DERIVED else None
+            slope = None if is_longer(surface, MAX_DERIVED) else sp.diff(surface, state)
         return None if slope is None or slope == 0 or slope.free_symbols & {TIME, *self.states} else slope
 
     def sample(self, expressions: Sequence[sp.Expr]) -> list[sp.Expr]:

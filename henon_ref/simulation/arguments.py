@@ -15,7 +15,7 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
-from henon_ref.system.python_values import argument_error, mapping_of, tree_of, written, written_name
+from henon_ref.system.python_arguments import argument_error, mapping_of, tree_of, written, written_name
 from henon_ref.system.tree import MappingNode, Node, mapping
 from henon_ref.text import listed, shortened
 

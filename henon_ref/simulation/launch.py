@@ -12,7 +12,6 @@ from typing import Any
 
 from henon_ref.errors import ModelError
 from henon_ref.integrator.integrator import MOST_STEPS, NO_LIMIT, Integrator, Start, local_error, order_for
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run_result import shown
 from henon_ref.modes.mode import mode_text
 from henon_ref.precision import one_at_a_time
@@ -76,7 +75,7 @@ def launch(
         with notice_if_slow("compiling the system"):
             integrator = integrator_of(own, error, problem.system.open_kinks)
             with one_at_a_time():
-                begin = integrator.start(problem, tolerance=error, landing=HENON)
+                begin = integrator.start(problem, tolerance=error)
             if tolerance not in system.prepared:
                 quick = _prepared(system, tolerance)
                 if quick is not None:  # loads its compiled functions now, not in the second run

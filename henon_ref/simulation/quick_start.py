@@ -29,7 +29,7 @@ from henon_ref.integrator.constant_program import BITS, constant_program
 from henon_ref.integrator.constants import ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start, run_template
 from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pair_of, pairs_of
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.simulation.system import System
 

@@ -18,7 +18,7 @@ from henon_ref.integrator.records import LANDINGS, TRANSITION, TRANSITION_PLACES
 from henon_ref.integrator.run_result import KINDS, TransitionArray
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import MODEL_KEYS
-from henon_ref.system.python_values import mapping_of, source_of
+from henon_ref.system.python_arguments import mapping_of, source_of
 from henon_ref.system.tree import as_written, mapping
 from henon_ref.trajectory import Counts, Decisions, Trajectory
 

@@ -9,9 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from henon_ref.errors import ArgumentError
-from henon_ref.simulation.calls import check_words, explained_methods
 from henon_ref.simulation.system import System
-from henon_ref.system.python_values import mapping_of, source_of, tree_of, written_name
+from henon_ref.system.python_arguments import (
+    check_words,
+    explained_methods,
+    mapping_of,
+    source_of,
+    tree_of,
+    written_name,
+)
 from henon_ref.system.scene import STATE_NAMES
 from henon_ref.system.source import Source
 from henon_ref.system.tree import Node, Place, mapping, sequence
@@ -213,8 +219,8 @@ class Scene:
         from matplotlib.patches import Patch
 
         from henon_ref.figures import style
+        from henon_ref.figures.plots import keywords_of
         from henon_ref.figures.scene import schematic
-        from henon_ref.simulation.plot import keywords_of
 
         check_words("Scene.plot", patch, ("ax",), keywords_of(Patch))
         scene = self._drawable()

@@ -13,10 +13,10 @@ from typing import Any
 
 from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.integrator.run import Run
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.launch import Outcome, ended, launch
 from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
+from henon_ref.system.python_arguments import explained
 
 
 @explained

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.records import TRANSITION_PLACES
-from henon_ref.integrator.run_result import TransitionArray
-from henon_ref.kernel.shared import kernel
+from henon_ref.integrator.run_result import DenseOutput, TransitionArray, checked_times
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
-from henon_ref.simulation.dense_output import DenseOutput, checked_times
 from henon_ref.simulation.launch import Outcome
 from henon_ref.simulation.system import System
 from henon_ref.taylor.tape import TIME
@@ -268,7 +267,7 @@ class Solution(Outcome):
         ArgumentError
             If there is no dense output, the run has not left its start, or a name is not a state.
         """
-        from henon_ref.simulation.plot import plotted
+        from henon_ref.figures.plots import plotted
 
         marked = self.transitions if transitions else None
         return plotted(self.system.model, self._drawn(), x, y, ax, marked, line)
@@ -296,7 +295,7 @@ class Solution(Outcome):
         ArgumentError
             As in :meth:`plot`.
         """
-        from henon_ref.simulation.plot import plotted_over_time
+        from henon_ref.figures.plots import plotted_over_time
 
         return plotted_over_time(self.system.model, self._drawn(), names, ax, line)
 

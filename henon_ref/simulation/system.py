@@ -13,14 +13,14 @@ import sympy as sp
 from henon_ref.casefile.schema import check_form
 from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.expressions.evaluation import parse_expression, parse_number
-from henon_ref.modes.preparation import parameters_in_exponents
+from henon_ref.modes.problem import parameters_in_exponents
 from henon_ref.precision import one_at_a_time
-from henon_ref.simulation.calls import explained
 from henon_ref.system.problem import MODEL_KEYS, build_system, read_scene, written_system
-from henon_ref.system.python_values import (
+from henon_ref.system.python_arguments import (
     Number,
     argument_error,
     as_given,
+    explained,
     mapping_of,
     python_number,
     source_of,

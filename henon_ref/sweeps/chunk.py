@@ -19,7 +19,7 @@ from henon_ref.errors import HenonRefError
 from henon_ref.integrator.integrator import Integrator, local_error
 from henon_ref.integrator.pairs import decimal_pairs, pair_of
 from henon_ref.integrator.points import ExactPoint, PointRuns
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of

@@ -21,7 +21,7 @@ import numpy as np
 
 from henon_ref.errors import HenonRefError
 from henon_ref.expressions.grammar import FUNCTIONS
-from henon_ref.simulation.dense_output import DenseOutput
+from henon_ref.integrator.run_result import DenseOutput
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import values_at

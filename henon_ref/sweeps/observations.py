@@ -19,7 +19,6 @@ from henon_ref.sweeps.work import Observation, Runs
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import did_you_mean, listed
 
-RESET = KINDS.index("reset")
 DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 """Direction in which a surface is reached -> sign of the side entered; 0: any."""
 
@@ -140,7 +139,8 @@ class _AtSection(Observation):
         wanted = DIRECTIONS[self.direction]
         own, run = runs.records[at], runs.run[at]
         later = (np.diff(own["time"]) > 0) | (np.diff(own["time_low"]) != 0) | (np.diff(run) > 0)
-        jumped = (own["kind"] == RESET) & np.append(later, True)  # of the events of one instant only the last
+        # Of the events of one instant only the last.
+        jumped = (own["kind"] == KINDS.index("reset")) & np.append(later, True)
         reached = (before != 0) & ((before != after) | jumped) & ((came == wanted) | (wanted == 0))
         at = at[reached & (own["time"] >= self.after)]
         if self.of in runs.system.model.sign_names:  # a section named after a kink omits its hidden crossings

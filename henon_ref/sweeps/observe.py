@@ -12,7 +12,6 @@ from typing import Any
 
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.arguments import whole_number
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.solution import Solution
 from henon_ref.sweeps.extremes import Extremes
 from henon_ref.sweeps.observations import (
@@ -25,6 +24,7 @@ from henon_ref.sweeps.observations import (
     Sticks,
 )
 from henon_ref.sweeps.run_by_run import VALUE, Function, Lyapunov
+from henon_ref.system.python_arguments import explained
 from henon_ref.text import listed
 
 

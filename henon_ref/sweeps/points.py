@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from henon_ref.errors import ArgumentError
 from henon_ref.simulation.arguments import numbers, whole_number
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import MOST_NUMBERS, Vector, check_size, read_table
+from henon_ref.system.python_arguments import explained
 from henon_ref.text import did_you_mean, listed
 
 if TYPE_CHECKING:

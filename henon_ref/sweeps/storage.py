@@ -29,7 +29,7 @@ from henon_ref.sweeps.chunk import POINTS, Tables
 from henon_ref.sweeps.plan import Plan
 from henon_ref.sweeps.table_files import check_arrow, csv_bytes, parquet, read_parquet
 from henon_ref.sweeps.work import Observation
-from henon_ref.system.python_values import written
+from henon_ref.system.python_arguments import written
 from henon_ref.system.tree import as_written
 from henon_ref.workers.machine import commit, library_versions, machine
 

@@ -16,13 +16,13 @@ import pandas as pd
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.simulation.arguments import whole_number
-from henon_ref.simulation.calls import explained
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import Tables, execute
 from henon_ref.sweeps.plan import MOST_CHUNK, RTOL, Plan, planned
 from henon_ref.sweeps.points import Points
 from henon_ref.sweeps.storage import SweepFolder
 from henon_ref.sweeps.work import Observation
+from henon_ref.system.python_arguments import explained
 from henon_ref.terminal import Line, in_notebook, notice_if_slow
 from henon_ref.workers.executors import EndedError, check_executor, finished, processors
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from henon_ref.casefile.case import check_model, check_surfaces
+from henon_ref.casefile.files import read_yaml
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.schema import (
     CaseName,
@@ -26,7 +27,6 @@ from henon_ref.casefile.schema import (
     Tolerance,
     whole_number,
 )
-from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.errors import ArgumentError
 from henon_ref.integrator.integrator import MOST_STEPS
 from henon_ref.simulation.system import System
@@ -73,7 +73,6 @@ class SweepForm(Form):
 
 
 T = TypeVar("T")
-POINT_KINDS = ("grid", "table", "random", "continuation")
 
 
 def load_sweep(path: str | Path) -> Plan:
@@ -104,8 +103,9 @@ def _placed(source: Source, path: KeyPath, make: Callable[[], T], *, key: bool =
 def _points(source: Source, system: System, folder: Path) -> Points:
     (kind,) = source.keys(("points",))
     path: KeyPath = ("points", kind)
-    if kind not in POINT_KINDS:
-        raise source.unknown(path, f"unknown kind '{kind}'", "allowed", POINT_KINDS)
+    known = ("grid", "table", "random", "continuation")
+    if kind not in known:
+        raise source.unknown(path, f"unknown kind '{kind}'", "allowed", known)
     node = child(source.tree, path)
     if kind == "table":
         if not isinstance(node, ScalarNode) or not isinstance(node.value, str):

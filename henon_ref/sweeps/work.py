@@ -23,7 +23,7 @@ from henon_ref.simulation.launch import integrator_of
 from henon_ref.simulation.quick_start import Number, following
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.table_files import Columns, Vector
-from henon_ref.system.python_values import as_given, python_number
+from henon_ref.system.python_arguments import as_given, python_number
 from henon_ref.text import listed
 
 NO_KINKS = frozenset[int]()

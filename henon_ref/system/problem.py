@@ -14,8 +14,7 @@ from henon_ref.expressions.bounds import NOT_FINITE, exact_sign, put
 from henon_ref.expressions.evaluation import Kinked
 from henon_ref.expressions.grammar import NOT_STATES, may_have_kinks, name_problem
 from henon_ref.expressions.traversal import size
-from henon_ref.modes.preparation import with_held_loops, with_rational_exponents
-from henon_ref.modes.problem import Problem
+from henon_ref.modes.problem import Problem, with_held_loops, with_rational_exponents
 from henon_ref.modes.switched_field import Release, Reset, SlidingOverride
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system.source import Names, Path, Source

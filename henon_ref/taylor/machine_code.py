@@ -12,11 +12,6 @@ from typing import Any
 from henon_ref.jit.native_module import NativeModule, source_hash
 from henon_ref.taylor.tape import Tape
 
-KEPT = 64
-"""Largest number of machine codes cached in memory, for systems that are built again."""
-SOURCES = ("taylor/*.py", "taylor/llvm/*.py", "jit/*.py", "kernel/kernel.h")
-"""Source files that the code depends on, in addition to the tapes."""
-
 
 @dataclass(frozen=True, eq=False)
 class Part:
@@ -39,7 +34,7 @@ class Part:
         return hash(self.key)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=64)  # for systems that are built again
 def machine_code(*parts: Part, optimised: bool = True, simplified: bool | None = None) -> NativeModule:
     """Return the native module of some functions; equal parts give the same module.
 
@@ -52,7 +47,8 @@ def machine_code(*parts: Part, optimised: bool = True, simplified: bool | None =
         writers = _writers()
         return declarations() + "".join(writers[part.kind](*part.arguments) for part in parts)
 
-    key = "\n".join([source_hash(*SOURCES), *(part.key for part in parts)])
+    sources = source_hash("taylor/*.py", "taylor/llvm/*.py", "jit/*.py", "kernel/kernel.h")
+    key = "\n".join([sources, *(part.key for part in parts)])
     return NativeModule(written, optimised=optimised, simplified=simplified, key=key)
 
 
@@ -60,7 +56,7 @@ def _writers() -> dict[str, Any]:
     from henon_ref.taylor.llvm.expansion import expansion_ir, values_ir
     from henon_ref.taylor.llvm.looped import looped_expansion_ir
     from henon_ref.taylor.llvm.rounding import rounding_ir
-    from henon_ref.taylor.llvm.step_end import looped_step_end_ir, step_end_ir
+    from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
 
     return {
         "expansion": expansion_ir,

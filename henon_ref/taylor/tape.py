@@ -16,14 +16,12 @@ from functools import reduce
 import sympy as sp
 
 from henon_ref.errors import ModelError
-from henon_ref.expressions.traversal import fraction, product, size
+from henon_ref.expressions.traversal import fraction, is_longer, product
 from henon_ref.taylor.rules import RULES, Linear, Product, Quotient
 
 TIME = sp.Symbol("t", real=True)
 """Symbol of time in every expression of a system [s]."""
 
-MAX_CLOCK = 100
-"""Largest size of a function of time alone that is tested for being linear, by differentiation."""
 INFINITE = 1 << 30
 """Degree in time of a node that is not known to be a polynomial in time."""
 
@@ -166,7 +164,8 @@ class _Builder:
     def _make(self, e: sp.Expr) -> int:
         if self._is_constant(e):
             return self._op("constant", constants=(e,))
-        if not _holds(e, self._of_states) and size(e, MAX_CLOCK) <= MAX_CLOCK and sp.diff(e, TIME, 2) == 0:
+        of_time = not _holds(e, self._of_states) and not is_longer(e, 100)  # a longer one takes long to differentiate
+        if of_time and sp.diff(e, TIME, 2) == 0:
             slope = sp.cancel(sp.diff(e, TIME))  # e may be a quotient that is linear only after cancellation
             start = sp.expand(sp.cancel(e - slope * TIME) if e.is_rational_function(TIME) else e - slope * TIME)
             if not slope.has(TIME) and not start.has(TIME):

@@ -32,7 +32,7 @@ from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import compile_listener
 from henon_ref.text import short_line
 from henon_ref.workers.channel import NO_TOKEN, framed, read_message
-from henon_ref.workers.procfs import adopt_orphans, children, data_bytes, kill_family, signal_with_parent
+from henon_ref.workers.machine import adopt_orphans, children, data_bytes, kill_family, signal_with_parent
 
 if TYPE_CHECKING:
     from henon_ref.trajectory import Status

@@ -32,7 +32,7 @@ from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
 from henon_ref.workers import ONE_THREAD
 from henon_ref.workers.channel import LARGEST, Channel
-from henon_ref.workers.procfs import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
+from henon_ref.workers.machine import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
 SERVER_START = "henon_ref.workers.server_start"

@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 import henon_ref as hr
+from henon_ref.casefile.files import parse_yaml
 from henon_ref.casefile.form import read_form
 from henon_ref.casefile.schema import CaseForm, Gate, Published, check_form
-from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.errors import CaseError
-from henon_ref.system.python_values import tree_of
+from henon_ref.system.python_arguments import tree_of
 from henon_ref.system.source import Source
 from henon_ref.system.tree import MappingNode
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from json_schema import faults
 
+from henon_ref.casefile.files import read_yaml
 from henon_ref.casefile.json_schema import case_schema, schema_text
 from henon_ref.casefile.schema import READING_KEYS, CaseForm
-from henon_ref.casefile.yaml_file import read_yaml
 from henon_ref.system.tree import PythonValue, to_python
 
 CASES = Path(__file__).parents[2] / "cases"

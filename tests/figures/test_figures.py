@@ -13,8 +13,8 @@ import sympy as sp
 
 from henon_ref.casefile.case import Reading, load_case
 from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
+from henon_ref.figures.plots import draw_modes
 from henon_ref.figures.style import description_of, image
-from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.campaign.jobs import sample_times

@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.integrator.constant_program import constant_program
 from henon_ref.integrator.pairs import pair_of_exact
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 
 X, V, B = sp.symbols("x v b", real=True)
 

@@ -17,7 +17,6 @@ from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.mode_code import jump_code
 from henon_ref.integrator.points import Keep, PointRuns
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.run_result import KINDS
 from henon_ref.modes.problem import Problem
@@ -193,7 +192,6 @@ def test_a_map_that_swaps_and_shifts_loses_no_digit_of_the_state() -> None:
     start = integrator.start(
         Problem(system, sp.Integer(0), (sp.Integer(1), sp.sqrt(2) / 64, sp.Integer(0)), sp.Integer(2)),
         tolerance=1e-14,
-        landing=HENON,
     )
     here = Run(integrator, start, block=1)
     event = here.next_event()
@@ -211,7 +209,7 @@ def flipping() -> Problem:
 def test_a_jump_into_a_mode_not_compiled_has_the_bits_of_one_into_a_compiled_mode() -> None:
     problem = flipping()
     integrator = Integrator(problem.system, 18)
-    start = integrator.start(problem, tolerance=1e-13, landing=HENON)
+    start = integrator.start(problem, tolerance=1e-13)
     first, second = (Run(integrator, start).to_horizon() for _ in range(2))
     assert ("reset", 0, (1, 1), (1, -1)) in told(first)
     assert list(first.transitions) == list(second.transitions)
@@ -222,7 +220,7 @@ def test_a_jump_into_a_mode_not_compiled_has_the_bits_of_one_into_a_compiled_mod
 def test_transitions_in_small_blocks_are_the_same(block: int) -> None:
     problem = flipping()
     integrator = Integrator(problem.system, 18)
-    start = integrator.start(problem, tolerance=1e-13, landing=HENON)
+    start = integrator.start(problem, tolerance=1e-13)
     whole = Run(integrator, start).to_horizon()
     parts = [t for chunk in Run(integrator, start, block=block).stream() for t in chunk]
     assert parts == list(whole.transitions)
@@ -251,7 +249,7 @@ def test_points_have_the_bits_of_runs_alone() -> None:
 def test_a_run_may_end_on_a_surface_that_resets() -> None:
     problem = impact_oscillator(HALF, HALF, 30)
     integrator = Integrator(problem.system, 18)
-    start = integrator.start(problem, tolerance=1e-13, landing=HENON, stop_falling=1)
+    start = integrator.start(problem, tolerance=1e-13, stop_falling=1)
     found = Run(integrator, start).to_horizon()
     assert (found.status, [t.kind for t in found.transitions], found.end_time) == (
         "ok",

@@ -14,9 +14,9 @@ from often import daily
 
 import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON, mode_dtype, numbered, packed, read, unpacked, words_of, written
+from henon_ref.integrator.records import mode_dtype, numbered, packed, read, unpacked, words_of, written
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi, kernel
+from henon_ref.kernel.library import ffi, kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event
 from henon_ref.modes.system import FilippovSystem
@@ -128,7 +128,7 @@ def test_a_chain_with_more_beside_it_is_what_its_own_modes_make_of_it(
     parameters = {p: sp.Rational(v) for p, v in zip(sp.symbols("F d vb", real=True), ("1", "3", "1/2"), strict=True)}
     rows = Integrator(replace(system.model, parameters=parameters), order)
     exact = tuple(sp.Rational(str(v)) for v in initial.values())
-    own = rows.start(Problem(rows.system, sp.S.Zero, exact, sp.Integer(until)), tolerance=LOCAL_ERROR, landing=HENON)
+    own = rows.start(Problem(rows.system, sp.S.Zero, exact, sp.Integer(until)), tolerance=LOCAL_ERROR)
     other = Run(rows, own).to_horizon()
     told = [[(t.kind, t.surface, t.from_mode, t.to_mode) for t in each.transitions] for each in (found, other)]
     assert told[0] == told[1]
@@ -243,7 +243,7 @@ def test_a_mode_is_put_together_as_it_would_be_written_out() -> None:
     integrator, model = integrator_of(system, LOCAL_ERROR), system.model
     values = {"F": 1, "d": 3, "vb": Fraction(1, 2)}
     given = tuple(values[symbol.name] for symbol in integrator.parameters)
-    begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10, landing=HENON)
+    begin = integrator.begin(given, [*start(5, 1).values()], until=UNTIL, tolerance=1e-10)
     own, table = Run(integrator, begin, block=1), integrator.mode_table
     at = kernel.places_of(*table.sizes)
     seen = 0
@@ -280,7 +280,7 @@ def test_any_corner_is_decided_as_in_python() -> None:
         if len(hit) < 2:
             continue
         x = [*(0.0 for _ in every), *map(float, numbers)]
-        begin = integrator.begin((), [1.0] * 18, until=1.0, tolerance=1e-6, landing=HENON)
+        begin = integrator.begin((), [1.0] * 18, until=1.0, tolerance=1e-6)
         own = Run(integrator, begin)
         own.until, own.x[:], own.row = (0.0, 0.0), x, table.row(mode) or 0
         own.hits[: len(table.guards(mode))] = [g.kind == "surface" and g.index in hit for g in table.guards(mode)]

@@ -13,7 +13,7 @@ from test_mode_selection import straight
 
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.selection import after_event
 

@@ -10,7 +10,6 @@ from problems import make_problem
 
 from henon_ref.casefile.case import load_case
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
@@ -28,7 +27,7 @@ def values(steps: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 def run(problem: Problem, dense: int = 0, tolerance: float = 1e-12, **changes: int) -> tuple[Trajectory, Run]:
     integrator = Integrator(problem.system, 16)
-    start = integrator.start(problem, tolerance=tolerance, landing=HENON, **changes)
+    start = integrator.start(problem, tolerance=tolerance, **changes)
     made = Run(integrator, start, dense=dense)
     return made.to_horizon(), made
 

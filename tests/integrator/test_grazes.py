@@ -14,7 +14,6 @@ from runs import kinds, run
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case
-from henon_ref.integrator import records as k
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.run import Run
 
@@ -126,7 +125,7 @@ def test_where_one_surface_is_touched_and_another_crossed_the_crossing_is_told(r
 def test_where_there_is_room_for_one_touch_alone_both_are_told_of() -> None:
     problem = make_problem("x v y w", BALLS, {"a": "x - 1/2", "b": "y - 1/2"}, [0, 1, 0, 1], "9/5")
     integrator = Integrator(problem.system, 20)
-    run = Run(integrator, integrator.start(problem, tolerance=1e-12, landing=k.HENON), block=1)
+    run = Run(integrator, integrator.start(problem, tolerance=1e-12), block=1)
     told = [transition for block in run.stream() for transition in block]
     assert [(q.kind, q.surface) for q in told] == [("graze", 0), ("graze", 1)]
 

@@ -17,7 +17,6 @@ from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
@@ -37,7 +36,7 @@ def runs(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> tuple[Trajectory,
         return plain(run)
 
     def run(integrator: Integrator) -> Trajectory:
-        return Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon()
+        return Run(integrator, integrator.start(problem, tolerance=1e-15)).to_horizon()
 
     integrator = Integrator(problem.system, 18)
     run(integrator)  # modes are compiled on first sight
@@ -200,7 +199,7 @@ def test_five_surfaces_that_are_not_clear_are_left_to_python(
 
 def after_first_event(integrator: Integrator, problem: Problem, transitions: int) -> tuple[Mode, list[int]]:
     """Mode and known zeros right after an event with so many transitions."""
-    run = Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON), block=transitions)
+    run = Run(integrator, integrator.start(problem, tolerance=1e-15), block=transitions)
     while not run.blocks and run.scalars.transitions < transitions:
         assert run._advance() is None
     places = integrator.mode_table.places(run.mode)

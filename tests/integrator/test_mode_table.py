@@ -8,7 +8,7 @@ from runs import constants_of
 import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.mode_table import ModeTable
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
 
 

@@ -12,13 +12,13 @@ from flint import arb, arb_poly
 from problems import make_problem
 from runs import kinds, run
 
+from henon_ref.integrator import multiprecision_roots as isolation
 from henon_ref.integrator.multiprecision_event import LocatedEvent, UndecidedStep, locate_event
+from henon_ref.integrator.multiprecision_roots import ONE, bernstein, first_event_of, first_falling_root
 from henon_ref.integrator.precise_modes import PreciseModes, SharedTapes
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
-from henon_ref.roots import multiprecision as isolation
-from henon_ref.roots.multiprecision import ONE, bernstein, first_event_of, first_falling_root
 from henon_ref.taylor.tape import TIME
 
 X = sp.Symbol("x", real=True)

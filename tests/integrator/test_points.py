@@ -19,10 +19,10 @@ from henon_ref.errors import ModelError
 from henon_ref.integrator import points
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.points import Keep, PointRuns
-from henon_ref.integrator.records import HENON, LANDINGS
+from henon_ref.integrator.records import LANDINGS
 from henon_ref.integrator.run import Run
 from henon_ref.integrator.run_result import KINDS
-from henon_ref.kernel.shared import kernel
+from henon_ref.kernel.library import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory
@@ -111,7 +111,7 @@ def test_every_point_has_the_bits_of_its_run_alone(
             second,
             second.begin(
                 tuple(values[point].tolist()), initial[point].tolist(),
-                start=start, until=start + until, tolerance=TOLERANCE, landing=HENON,
+                start=start, until=start + until, tolerance=TOLERANCE,
             ),
         )  # fmt: skip
         expected = alone(run.to_horizon())

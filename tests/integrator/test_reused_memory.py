@@ -10,7 +10,7 @@ import pytest
 import henon_ref as hr
 from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
-from henon_ref.taylor.llvm.step_end import looped_step_end_ir, step_end_ir
+from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
 
 
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-9, 1e-12])

@@ -19,9 +19,8 @@ from shipped import paths
 
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import target
-from henon_ref.roots.bernstein import bernstein_ir
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import step_end_ir
+from henon_ref.taylor.llvm.step import bernstein_ir, step_end_ir
 from henon_ref.taylor.tape import TIME, build_tape
 
 SUPPORT = Path(__file__).parents[1] / "support"

@@ -20,12 +20,11 @@ import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import double_double
-from henon_ref.integrator import start_mode
+from henon_ref.integrator import precise_modes
 from henon_ref.integrator.constants import LoopProgram, ModeConstants
 from henon_ref.integrator.integrator import Integrator, Start
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi
+from henon_ref.kernel.library import ffi
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
@@ -45,14 +44,14 @@ def from_doubles(problem: Problem) -> tuple[Start, Problem, Integrator]:
         initial=tuple(sp.Rational(repr(v)) for v in initial),
     )
     own = tuple(float(values[symbol]) for symbol in integrator.parameters)
-    settings = {"tolerance": 1e-9, "landing": HENON, "mode": problem.initial_mode}
+    settings = {"tolerance": 1e-9, "mode": problem.initial_mode}
     return integrator.begin(own, initial, start=start, until=until, **settings), exact, integrator
 
 
 def both(problem: Problem) -> tuple[Start, Start, Integrator]:
     """The start from doubles, and that from the decimal numbers that they are."""
     fast, exact, integrator = from_doubles(problem)
-    return fast, integrator.start(exact, tolerance=1e-9, landing=HENON), integrator
+    return fast, integrator.start(exact, tolerance=1e-9), integrator
 
 
 def entered(start: Start, integrator: Integrator) -> tuple[Mode, tuple[int, ...]]:
@@ -163,7 +162,7 @@ def test_a_run_goes_on_from_there_as_from_exact_numbers(path: Path) -> None:
 def surfaces_start(field: Sequence[str], initial: Sequence[float]) -> tuple[Start, Integrator]:
     problem = make_problem("x y", field, {"s": "x", "u": "y"}, initial, 3)
     integrator = Integrator(problem.system, 8)
-    return integrator.begin((), initial, until=3.0, tolerance=1e-6, landing=HENON), integrator
+    return integrator.begin((), initial, until=3.0, tolerance=1e-6), integrator
 
 
 @pytest.mark.parametrize(
@@ -175,7 +174,7 @@ def test_a_start_on_one_surface_is_decided_without_sympy(
     first, integrator = surfaces_start([rate, "1 - u/2"], [0.0, 1.0])
     monkeypatch.setattr("henon_ref.modes.selection.mode_by_signs", None)
     for y in (1.0, -1.0):
-        start = integrator.begin((), [0.0, y], until=3.0, tolerance=1e-6, landing=HENON)
+        start = integrator.begin((), [0.0, y], until=3.0, tolerance=1e-6)
         found, known = entered(start, integrator)
         assert found == (mode, int(np.sign(y)))
         guards = integrator.mode_table.guards(found)
@@ -183,7 +182,7 @@ def test_a_start_on_one_surface_is_decided_without_sympy(
             [zeros] if mode else []
         )
         assert sum(known) == zeros
-    again = integrator.begin((), [0.0, 1.0], until=3.0, tolerance=1e-6, landing=HENON)
+    again = integrator.begin((), [0.0, 1.0], until=3.0, tolerance=1e-6)
     assert again.block == first.block
 
 
@@ -200,7 +199,7 @@ def test_what_is_not_clear_is_decided_as_exact_numbers_are(
 ) -> None:
     start, integrator = surfaces_start(field, initial)
     exact = make_problem("x y", field, {"s": "x", "u": "y"}, [int(v) for v in initial], 3)
-    expected = integrator.start(exact, tolerance=1e-6, landing=HENON)
+    expected = integrator.start(exact, tolerance=1e-6)
     assert entered(start, integrator) == entered(expected, integrator)
     assert (start.refused.status if start.refused else None) == status
 
@@ -211,7 +210,7 @@ def test_a_start_that_is_off_by_one_bit_is_on_no_surface() -> None:
     integrator = Integrator(replace(problem.system, surfaces=(x - a,)), 8)
 
     def mode(value: float) -> tuple[int, ...]:
-        start = integrator.begin((0.1,), [value], until=3.0, tolerance=1e-6, landing=HENON)
+        start = integrator.begin((0.1,), [value], until=3.0, tolerance=1e-6)
         return entered(start, integrator)[0]
 
     assert [mode(v) for v in (np.nextafter(0.1, 0), 0.1, np.nextafter(0.1, 1))] == [(-1,), (0,), (1,)]
@@ -222,7 +221,7 @@ def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
     integrator = Integrator(problem.system, 8)
 
     def refused(x: float) -> str | None:
-        start = integrator.begin((), [x], until=3.0, tolerance=1e-6, landing=HENON)
+        start = integrator.begin((), [x], until=3.0, tolerance=1e-6)
         return start.refused.status if start.refused else None
 
     assert [refused(x) for x in (0.5, 1.0, 1.5)] == [None, None, "invalid"]
@@ -231,13 +230,13 @@ def test_a_model_that_does_not_hold_at_the_start_is_refused() -> None:
 def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
     problem = load_case(CASES / "stribeck_belt.yaml").readings[0].problem
     with pytest.raises(ModelError, match="values of its parameters"):
-        Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6, landing=HENON)
+        Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6)
 
 
 def test_a_start_on_surfaces_is_decided_once(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = hr.System(["x", "y"], {"a": 1, "b": 2}, {"s": "x", "u": "y"}, ["a*t - s", "b*t - u"])
-    real, decided = start_mode.mode_by_signs, list[object]()
-    monkeypatch.setattr(start_mode, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
+    real, decided = precise_modes.mode_by_signs, list[object]()
+    monkeypatch.setattr(precise_modes, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
     hr.simulate(pair, {"x": 1, "y": 1}, until=0.1)  # the first run of a system prepares the starts of later ones
     starts: list[dict[str, Any]] = [
         {"start": 0},

@@ -7,9 +7,9 @@ import pytest
 from problems import make_problem
 
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON, TRANSITION, step_dtype, transition_dtype
+from henon_ref.integrator.records import TRANSITION, step_dtype, transition_dtype
 from henon_ref.integrator.run import Run
-from henon_ref.kernel.shared import ffi, kernel, record_dtype
+from henon_ref.kernel.library import ffi, kernel, record_dtype
 
 
 def test_one_library_serves_every_size() -> None:
@@ -18,7 +18,7 @@ def test_one_library_serves_every_size() -> None:
         names = [f"x{i}" for i in range(n)]
         problem = make_problem(" ".join(names), ["t - s"] + ["-x0"] * (n - 1), {"s": "x0"}, [0] * n, 3)
         integrator = Integrator(problem.system, 8)
-        found = Run(integrator, integrator.start(problem, tolerance=1e-6, landing=HENON)).to_horizon()
+        found = Run(integrator, integrator.start(problem, tolerance=1e-6)).to_horizon()
         assert (found.status, len(found.end_state)) == ("ok", n)
 
 

@@ -18,9 +18,8 @@ import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.studies.price.chains import chain
 from henon_ref.integrator.integrator import Integrator, Start
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run, run_to_horizon
-from henon_ref.kernel.shared import ffi, kernel
+from henon_ref.kernel.library import ffi, kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 
@@ -47,7 +46,7 @@ def starts(integrator: Integrator, problem: Problem) -> list[Start]:
     """The problem's own, and some that do not go on as long: the same system, other runs."""
     length = problem.until - problem.start
     parts = [replace(problem, until=problem.start + length * part / 10) for part in (10, 9, 8)]
-    return [integrator.start(part, tolerance=1e-12, landing=HENON) for part in parts]
+    return [integrator.start(part, tolerance=1e-12) for part in parts]
 
 
 @pytest.mark.parametrize(
@@ -89,7 +88,7 @@ def test_runs_at_once_are_those_one_after_the_other(path: str, reading: str | No
 def test_data_that_another_thread_replaces_stay_until_the_loop_returns(run, monkeypatch: pytest.MonkeyPatch) -> None:
     problem = make_problem("x", ["t - s"], {"s": "x"}, [0], 3)
     integrator = Integrator(problem.system, 8)
-    start = integrator.start(problem, tolerance=1e-6, landing=HENON)
+    start = integrator.start(problem, tolerance=1e-6)
     memory, held = weakref.ref(start.constants.latest.memory), []
 
     def loop(*_: object) -> int:
@@ -107,7 +106,7 @@ def turns_beside_a_compiled_call() -> int:
     """Count the turns of a loop in this thread while another thread is in one compiled call."""
     problem = make_problem("x y", ["y", "-x"], {"s": "x - 2"}, [0, 1], 10**6)
     integrator = Integrator(problem.system, 18)
-    run = Run(integrator, integrator.start(problem, tolerance=1e-12, landing=HENON))
+    run = Run(integrator, integrator.start(problem, tolerance=1e-12))
     begun, ended, turns = Event(), Event(), 0
 
     def one_call() -> None:
@@ -132,7 +131,7 @@ def test_a_compiled_call_lets_go_of_the_interpreter_lock() -> None:
 def test_a_workspace_serves_the_next_run() -> None:
     problem = make_problem("x", ["t - s"], {"s": "x"}, [0], 3)
     integrator = Integrator(problem.system, 8)
-    start = integrator.start(problem, tolerance=1e-6, landing=HENON)
+    start = integrator.start(problem, tolerance=1e-6)
     for _ in range(5):
         Run(integrator, start).to_horizon()
         run_to_horizon(integrator, start)
@@ -152,7 +151,7 @@ def test_another_problem_of_a_system_without_values_compiles_nothing(monkeypatch
 
     def released(value: sp.Expr, integrator: Integrator) -> float:
         problem = Problem(replace(symbolic, parameters={a: value}), sp.Integer(0), (sp.Integer(0),), sp.Integer(3))
-        run = Run(integrator, integrator.start(problem, tolerance=1e-13, landing=HENON)).to_horizon()
+        run = Run(integrator, integrator.start(problem, tolerance=1e-13)).to_horizon()
         (transition,) = run.transitions
         return transition.time
 
@@ -187,7 +186,7 @@ def test_what_was_compiled_before_changes_no_bit_of_a_run_through_more_modes_tha
         integrator = Integrator(problem.system, 10)
         for mode in order_of:
             integrator.mode_table.row(mode)
-        return Run(integrator, integrator.start(problem, tolerance=1e-7, landing=HENON)).to_horizon(), integrator
+        return Run(integrator, integrator.start(problem, tolerance=1e-7)).to_horizon(), integrator
 
     first, integrator = run(())
     modes = integrator.mode_table.modes

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from henon_ref.kernel.shared import doubles, ffi, kernel
+from henon_ref.kernel.library import doubles, ffi, kernel
 from henon_ref.modes.contact_problem import ContactProblem, solved
 
 

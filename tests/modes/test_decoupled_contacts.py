@@ -19,7 +19,6 @@ from henon_ref.harness import registry
 from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes import system as systems
 from henon_ref.modes.decoupled_contacts import switched_equations
@@ -88,7 +87,7 @@ until: 1
 
 def run(problem: Problem) -> tuple[Trajectory, Integrator]:
     integrator = Integrator(problem.system, 18)
-    return Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon(), integrator
+    return Run(integrator, integrator.start(problem, tolerance=1e-15)).to_horizon(), integrator
 
 
 def told(trajectory: Trajectory) -> list[tuple[str, int]]:
@@ -191,15 +190,13 @@ def test_two_blocks_move_as_each_would_alone(apart: str) -> None:
 def test_a_release_just_after_another_is_decided_in_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = load_case(CASES / "hard/near_ties.yaml").reading("d_1e_10").problem
     integrator = Integrator(problem.system, 18)
-    Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon()
+    Run(integrator, integrator.start(problem, tolerance=1e-15)).to_horizon()
 
     def never(self: Run, **options: float) -> None:
         raise AssertionError("Python was asked")
 
     monkeypatch.setattr(mode_changes, "select_mode", never)
-    assert (
-        len(Run(integrator, integrator.start(problem, tolerance=1e-15, landing=HENON)).to_horizon().transitions) == 10
-    )
+    assert len(Run(integrator, integrator.start(problem, tolerance=1e-15)).to_horizon().transitions) == 10
 
 
 def test_a_mode_seen_for_the_first_time_changes_nothing() -> None:

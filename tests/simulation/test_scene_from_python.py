@@ -13,7 +13,7 @@ from PIL import Image
 
 import henon_ref as hr
 from henon_ref.casefile.case import reading_sources
-from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.casefile.files import read_yaml
 from henon_ref.system import scene as scene_module
 from henon_ref.system.connections import KINDS
 from henon_ref.system.source import Source

@@ -27,7 +27,7 @@ from henon_ref.jit.ir_writer import row_length
 from henon_ref.modes.decoupled_contacts import switched_equations
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import step_end_ir
+from henon_ref.taylor.llvm.step import step_end_ir
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 
 CASES = Path(__file__).parents[2] / "cases"

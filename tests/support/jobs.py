@@ -19,8 +19,8 @@ from pathlib import Path
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import compiling
 from henon_ref.workers.channel import LARGEST, MAGIC
+from henon_ref.workers.machine import resident_bytes
 from henon_ref.workers.pool import Jobs, WorkerPool
-from henon_ref.workers.procfs import resident_bytes
 from henon_ref.workers.worker import REPLY, Failure, Job, WorkerState
 
 

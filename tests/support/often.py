@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 EVERY_PYTHON = (
-    "casefile/test_yaml_file.py", "expressions/test_expressions.py", "figures/test_figures.py",
+    "casefile/test_files.py", "expressions/test_expressions.py", "figures/test_figures.py",
     "harness/campaign/test_from_python.py", "harness/cli/test_main.py", "harness/report/test_report.py",
     "harness/test_registry.py", "jit/", "packaging/test_metadata.py", "simulation/test_system_from_python.py",
     "sweeps/test_storage.py", "test_package.py", "workers/test_executors.py",

@@ -16,7 +16,6 @@ import numpy as np
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.integrator.integrator import Integrator, order_for
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory
@@ -71,7 +70,6 @@ def draws(number: int, seed: int, seconds: float) -> Iterator[tuple[dict[str, fl
             (0.0, velocities[0], 0.0, velocities[1]),
             until=seconds,
             tolerance=1e-13,
-            landing=HENON,
         )
         yield values, velocities, Run(integrator, start)
 

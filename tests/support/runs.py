@@ -6,7 +6,7 @@ import numpy as np
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.integrator.constants import LoopData
-from henon_ref.kernel.shared import ffi
+from henon_ref.kernel.library import ffi
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory
 

@@ -8,9 +8,9 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.casefile.files import parse_yaml
 from henon_ref.casefile.form import read_form
 from henon_ref.casefile.schema import CaseForm
-from henon_ref.casefile.yaml_file import parse_yaml
 from henon_ref.modes.switched_field import Release
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system import connections

@@ -13,7 +13,7 @@ from henon_ref.jit.ir_writer import declarations, row_length
 from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.looped import looped_expansion_ir
-from henon_ref.taylor.llvm.step_end import looped_step_end_ir, step_end_ir
+from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
 from henon_ref.taylor.rules import RULES
 from henon_ref.taylor.tape import TIME, Tape, build_tape
 from tests.support.ir import every_operation

@@ -11,7 +11,7 @@ from flint import arb, ctx
 
 from henon_ref.jit.ir_writer import declarations
 from henon_ref.jit.native_module import NativeModule
-from henon_ref.kernel.shared import doubles, ffi
+from henon_ref.kernel.library import doubles, ffi
 from henon_ref.taylor.llvm import rounding
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.llvm.rounding import UNDERFLOW, rounding_ir

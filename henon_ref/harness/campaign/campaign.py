@@ -14,8 +14,8 @@ from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options, check_solvers
 from henon_ref.harness.campaign.progress import ProgressLine, is_seen
 from henon_ref.jit.cache_folder import cache_root
-from henon_ref.simulation.calls import explained
 from henon_ref.solver import Solver
+from henon_ref.system.python_arguments import explained
 from henon_ref.workers.pool import WorkerPool
 
 T = TypeVar("T")

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from henon_ref.casefile.case import Case, Reading
-from henon_ref.casefile.notebook import equations_html
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.rows import Record
@@ -18,6 +17,7 @@ from henon_ref.harness.score.gate import Gate, bounds_of, gate
 from henon_ref.harness.score.ranking import standings, standings_table, tightest
 from henon_ref.harness.score.reference import Expected
 from henon_ref.harness.table import Table
+from henon_ref.modes.latex import equations_html
 from henon_ref.text import html, message
 from henon_ref.trajectory import Samples
 from henon_ref.workers.worker import Failure

@@ -12,7 +12,7 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.table import count
 from henon_ref.modes.latex import MOST_IN_ALL, MOST_IN_CELL, MOST_MODES, TOO_LONG
@@ -88,7 +88,7 @@ def _model(system: FilippovSystem) -> Iterator[str]:
     for valid in system.valid:
         yield f"the model holds while {_text(valid)} > 0"
     total = 3 ** len(system.surfaces)
-    if size((*system.field, *system.surfaces), MOST_IN_ALL) > MOST_IN_ALL:
+    if is_longer((*system.field, *system.surfaces), MOST_IN_ALL):
         yield f"{total} modes, whose equations are {TOO_LONG}"
         return
     modes = _modes(system)
@@ -135,4 +135,4 @@ def _same(one: FilippovSystem, other: FilippovSystem) -> bool:
 
 
 def _text(expression: sp.Expr) -> str:
-    return str(expression) if size(expression, MOST_IN_CELL) <= MOST_IN_CELL else f"({TOO_LONG})"
+    return f"({TOO_LONG})" if is_longer(expression, MOST_IN_CELL) else str(expression)

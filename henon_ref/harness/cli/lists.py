@@ -8,8 +8,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from henon_ref.casefile.files import located, shipped_folder, yaml_files
-from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.casefile.files import located, read_yaml, shipped_folder, yaml_files
 from henon_ref.commands.exit_status import DONE, command_of
 from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError, UnavailableError

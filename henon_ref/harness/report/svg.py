@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from henon_ref.casefile.case import Reading
 from henon_ref.figures.motion import Motion, draw_portrait, motion_of
+from henon_ref.figures.plots import draw_modes
 from henon_ref.figures.scene import draw_scene
 from henon_ref.figures.style import image
-from henon_ref.figures.time_series import draw_modes
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.figures import draw_cost, draw_errors

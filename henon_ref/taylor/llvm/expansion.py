@@ -13,15 +13,13 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import count
 
-from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
+from henon_ref.jit.ir_writer import LANES, VECTOR, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
-from henon_ref.taylor.llvm.step_bounds import GROWING, inverse_size, last_terms, longest_step
+from henon_ref.taylor.llvm.step import GROWING, inverse_size, last_terms, longest_step
 from henon_ref.taylor.tape import Node, Tape
-
-_VECTOR = f"<{LANES} x double>"
 
 Row = tuple[str, int]
 """An array, and the offset of a row in it."""
@@ -177,9 +175,9 @@ def store_integral(w: IRWriter, values: Sequence[Value], row: Row, source: Row, 
     scale = w.vector([factor or ZERO] * LANES)
     for k in range(LANES, row_length(order), LANES):
         parts = w.vector([literal(1.0 / j if j <= order else 0.0) for j in range(k, k + LANES)])
-        before = w.load(source[0], source[1] + k - 1, _VECTOR)
+        before = w.load(source[0], source[1] + k - 1, VECTOR)
         after = w.lanewise("fmul", LANES, before, w.lanewise("fmul", LANES, scale, parts))
-        w.store(after, row[0], row[1] + k, _VECTOR)
+        w.store(after, row[0], row[1] + k, VECTOR)
 
 
 def store_combination(w: IRWriter, first: Value, row: Row, parts: Sequence[tuple[Row, Value]], order: int) -> None:
@@ -188,10 +186,10 @@ def store_combination(w: IRWriter, first: Value, row: Row, parts: Sequence[tuple
     for k in range(0, row_length(order), LANES):
         total = ""
         for (array, begin), factor in factors:
-            values = w.load(array, begin + k, _VECTOR)
+            values = w.load(array, begin + k, VECTOR)
             if total:
                 total = w.lanewise_fused(LANES, factor, values, total)
             else:
                 total = w.lanewise("fmul", LANES, factor, values)
-        w.store(total or w.vector([ZERO] * LANES), row[0], row[1] + k, _VECTOR)
+        w.store(total or w.vector([ZERO] * LANES), row[0], row[1] + k, VECTOR)
     w.store(first or ZERO, *row)

@@ -24,7 +24,7 @@ from henon_ref.jit.ir_writer import LANES, IRWriter, literal, loop_function, row
 from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes
 from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, copy_lines, row_lines, state_lines, total_lines
 from henon_ref.taylor.llvm.shapes import Factors, Shapes
-from henon_ref.taylor.llvm.step_bounds import GROWING
+from henon_ref.taylor.llvm.step import GROWING
 from henon_ref.taylor.tape import Tape
 
 Pointers = Sequence[tuple[str, str]]
@@ -80,9 +80,9 @@ class _LoopedExpansion:
             self.stride += 4  # otherwise the numbers of a column are in few sets of the cache
         found = {shape for shape, _ in self.found.values()}
         self.pieces = {shape: OneNode(shape, order, self.stride).pieces() for shape in found}
-        self.straight = {shape: [*map(can_be_in_lanes, pieces.lines)] for shape, pieces in self.pieces.items()}
+        self.straight = {shape: [*map(can_be_in_lanes, lines)] for shape, (lines, _) in self.pieces.items()}
         """Whether the code of a piece can be in lanes."""
-        self.memory = self.stride * max([1, *(pieces.room for pieces in self.pieces.values())])
+        self.memory = self.stride * max([1, *(room for _, room in self.pieces.values())])
         """Number of doubles of ``S`` allocated so far."""
         self.totals: dict[Factors, int] = {}
         """Place in ``S`` of each sum of constants."""
@@ -151,7 +151,7 @@ class _LoopedExpansion:
 
     def _piece(self, group: Sequence[int], k: int) -> None:
         shape, _ = self.found[group[0]]
-        self._for_all(group, k, self.pieces[shape].lines[k], self.straight[shape][k])
+        self._for_all(group, k, self.pieces[shape][0][k], self.straight[shape][k])
 
     def _for_all(self, group: Sequence[int], key: Hashable, lines: list[str], straight: bool) -> None:
         """Call the code of one series, ``lines``, for all series of a group; in lanes if it is ``straight``."""

@@ -12,14 +12,13 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
 
-from henon_ref.jit.ir_writer import LANES, ZERO, IRWriter, Value, literal, row_length
+from henon_ref.jit.ir_writer import LANES, VECTOR, ZERO, IRWriter, Value, literal, row_length
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Factor, Form, Pair
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.shapes import Shape
-from henon_ref.taylor.llvm.step_bounds import inverse_size, longest_step
+from henon_ref.taylor.llvm.step import inverse_size, longest_step
 from henon_ref.taylor.tape import Node
 
 CHEAP = 3
@@ -29,12 +28,8 @@ _NAME = re.compile(r"%v\d+")
 _FREE = re.compile(r"getelementptr|load")
 _SHORT = re.compile(r"fneg|fadd|fsub|fmul")
 
-
-class Pieces(NamedTuple):
-    """Lines of each piece, and the number of rows of the matrix that the pieces use."""
-
-    lines: list[list[str]]
-    room: int
+Pieces = tuple[list[list[str]], int]
+"""Lines of each piece, and the number of rows of the matrix that the pieces use."""
 
 
 class _Series(Coefficients):
@@ -104,7 +99,7 @@ class OneNode:
     def pieces(self) -> Pieces:
         """Code of a node, or of a state's rate, one piece per order; of an output in one piece."""
         if self.shape.op == "output":
-            return Pieces([self._output()], self.order + 1)
+            return [self._output()], self.order + 1
         if self.shape.op == "rate":
             return self._rate_pieces()
         recurrence, y, starts = self.recurrence(), self.y, [0]
@@ -185,7 +180,7 @@ def row_lines(order: int, stride: int) -> list[str]:
 
     Rows that are not required point to that of the first column, which is stored last.
     """
-    w, kind, width = IRWriter(), f"<{LANES} x double>", row_length(order)
+    w, kind, width = IRWriter(), VECTOR, row_length(order)
 
     def mixed(a: str, b: str, lanes: str) -> str:
         mask = ", ".join(f"i32 {i}" for i in lanes)
@@ -269,7 +264,7 @@ class _Cut:
             new = [found for found in self.kept.items() if self.piece[found[0]] == number]
             ends = [line for found in (*stores[number], *new) for line in self._stored(*found)]
             lines.append([*before.values(), *body, *ends])
-        return Pieces(lines, self.room)
+        return lines, self.room
 
     def _earlier(self, number: int) -> list[str]:
         """Values of earlier pieces that a piece reads."""

@@ -21,7 +21,6 @@ MOST_LINES = 5000
 """Number of instructions above which the function is divided: the time to compile one grows with their square."""
 ROWS = 50
 """Number of results of each part of a divided function."""
-PASSED = "double %t_hi, double %t_lo, double %unit, ptr %x, ptr %K, ptr %C"
 _NAME, _DEFINED = re.compile(r"%v\d+"), re.compile(r"  (%v\d+) = ")
 
 
@@ -70,7 +69,8 @@ def _divided(lines: Sequence[str], name: str) -> str:
         part = IRWriter()
         part.lines = [line for at in sorted(needed) for line in units[at]]
         texts.append(function_ir(part, f"{name}.{first}"))
-        whole.lines.append(f"  call void @{name}.{first}({PASSED})")
+        given = "double %t_hi, double %t_lo, double %unit, ptr %x, ptr %K, ptr %C"
+        whole.lines.append(f"  call void @{name}.{first}({given})")
     return "".join([*texts, function_ir(whole, name)])
 
 

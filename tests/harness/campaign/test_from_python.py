@@ -14,7 +14,7 @@ import pytest
 
 import henon_ref
 from henon_ref.errors import CaseError
-from henon_ref.workers.procfs import family
+from henon_ref.workers.machine import family
 
 ROOT = Path(__file__).parents[3]
 CASE = ROOT / "cases" / "leaving_slide.yaml"

@@ -13,7 +13,7 @@ from jobs import Act, noted, run
 from processes import gone, script, wait_until
 
 from henon_ref.workers import worker_process
-from henon_ref.workers.procfs import family
+from henon_ref.workers.machine import family
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="what processes hold and use is told by Linux's /proc")
 

@@ -22,7 +22,6 @@ from henon_ref.harness.score.ranking import by_solver
 from henon_ref.harness.studies.page import draw_line, finish, fitted, in_fresh_process
 from henon_ref.harness.table import Table, duration, error
 from henon_ref.integrator.integrator import Integrator, order_for
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.modes.problem import Problem
 from henon_ref.solver import Solver
@@ -112,7 +111,7 @@ def _measured(solver: str, until: float, run: Callable[[], Ended]) -> Horizon:
 
 def _streamed(integrator: Integrator, problem: Problem) -> Callable[[], Ended]:
     """Prepare a run of the reference that streams its transitions."""
-    start = integrator.start(problem, tolerance=TOLERANCE, landing=HENON)
+    start = integrator.start(problem, tolerance=TOLERANCE)
 
     def run() -> Ended:
         count, last = 0, deque[_Transition](maxlen=SEEN)

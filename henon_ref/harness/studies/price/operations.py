@@ -19,7 +19,7 @@ from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of
 from henon_ref.simulation.scene import Scene
 from henon_ref.taylor.llvm.expansion import expansion_ir
-from henon_ref.taylor.llvm.step_end import step_end_ir
+from henon_ref.taylor.llvm.step import step_end_ir
 
 RTOL = 1e-12
 ROUNDS = 60

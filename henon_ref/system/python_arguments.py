@@ -1,4 +1,4 @@
-"""Values from Python as the nodes of a case file's tree: names, numbers, expressions, lists and mappings.
+"""Arguments from Python: their values as the nodes of a case file's tree, and errors of calls with wrong names.
 
 A system from Python is thus checked by the same code as one from a file (:mod:`henon_ref.system`).
 """
@@ -6,11 +6,13 @@ A system from Python is thus checked by the same code as one from a file (:mod:`
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
+from functools import wraps
+from inspect import Parameter, isfunction, signature
 from numbers import Integral, Rational, Real
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 import sympy as sp
@@ -19,7 +21,7 @@ from henon_ref.errors import ArgumentError, HenonRefError
 from henon_ref.expressions.evaluation import Written
 from henon_ref.expressions.grammar import LONGEST_WHOLE, MAX_DIGITS, MAX_LENGTH, MAX_STATES, MOST_STATES
 from henon_ref.expressions.operations import Work, spelled_out
-from henon_ref.expressions.traversal import size
+from henon_ref.expressions.traversal import is_longer
 from henon_ref.system.source import Source
 from henon_ref.system.tree import NOWHERE, MappingNode, Node, Place, ScalarNode, SequenceNode, child, mapping, sequence
 from henon_ref.text import did_you_mean, listed, shortened
@@ -28,8 +30,24 @@ MOST_ENTRIES = 10_000
 """Largest number of entries of a list or mapping."""
 DEEPEST = 8
 """Largest nesting depth of lists and mappings."""
+SCIPY = {
+    "t_eval": "the run is known at every time: write run.sol(times), or run.to_dataframe(times)",
+    "args": "parameters go by name: System(..., parameters={'F': 1}), and simulate(..., parameters={'F': 2})",
+    "t_span": "write until=10, and start=1 where it does not begin at 0",
+    "y0": "write initial={'x': 1, 'v': 0}",
+    "events": "every surface of the system is located: see run.transitions; stop={'s': 'falling'} ends the run on one",
+    "method": "leave it out; there is one method, whose accuracy rtol sets",
+    "atol": "leave it out; rtol is relative to each state's own size, whatever its unit",
+    "jac": "derivatives are taken from the system's expressions",
+    **dict.fromkeys(("max_step", "min_step", "first_step"), "steps follow from rtol, and pass over no event"),
+    **dict.fromkeys(("vectorized", "jac_sparsity", "lband", "uband"), "leave it out; it has no equivalent here"),
+}
+"""Arguments of SciPy's solve_ivp -> the equivalent here, for functions with ``rtol``."""
 Number = int | Fraction | Any
 """Exact number: integer, rational, or a SymPy number such as ``sqrt(3)/9``."""
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C")
 
 
 def written_name(value: object, what: str) -> str:
@@ -70,7 +88,7 @@ def as_given(value: object, what: str) -> Written:
     """
     if not isinstance(value, sp.Expr):
         return written(value, what)
-    if size(value, MAX_LENGTH) > MAX_LENGTH:
+    if is_longer(value, MAX_LENGTH):
         raise ArgumentError(f"{what} has more than {MAX_LENGTH} operations")
     if any(max(n.p.bit_length(), n.q.bit_length()) > LONGEST_WHOLE for n in value.atoms(sp.Rational)):
         raise ArgumentError(f"{what} holds a number of more than {MAX_DIGITS} digits")
@@ -152,3 +170,56 @@ def _shown(value: object) -> str:
         return shortened(repr(value))[1:-1]
     except Exception:  # noqa: BLE001 - a foreign __repr__ may raise anything
         return f"a {type(value).__name__}"
+
+
+class CallError(ArgumentError, TypeError):
+    """Unknown or missing arguments of a function."""
+
+
+def explained(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function: a call with unknown or missing arguments raises a :class:`CallError`."""
+
+    @wraps(function)
+    def called(*arguments: P.args, **options: P.kwargs) -> R:
+        try:
+            return function(*arguments, **options)
+        except TypeError as error:
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # raised inside the function
+                raise
+            raise CallError(_misfit(function, arguments, options) or str(error)) from None
+
+    return called
+
+
+def explained_methods(cls: type[C]) -> type[C]:
+    """Decorate the constructor and the public methods of a class with :func:`explained`."""
+    for name, own in list(vars(cls).items()):
+        if isfunction(own) and (name == "__init__" or not name.startswith("_")):
+            setattr(cls, name, explained(own))
+    return cls
+
+
+def check_words(function: str, given: Iterable[str], known: Sequence[str], others: Sequence[str] = ()) -> None:
+    """Raise CallError for an unknown keyword; ``others`` are also allowed, but not listed in the message."""
+    for word in given:
+        if word not in known and word not in others:
+            meant = did_you_mean(word, [*known, *others])
+            more = " and matplotlib's keywords" if others else ""
+            raise CallError(f"{function} has no argument '{word[:60]}'{meant}; it takes {listed(known, 20)}{more}")
+
+
+def _misfit(function: Callable[..., Any], arguments: Sequence[Any], options: Mapping[str, Any]) -> str:
+    """Return the message for a wrong call; empty if an argument is missing (Python's message is used)."""
+    name = function.__qualname__.removesuffix(".__init__")
+    parameters = signature(function).parameters
+    own, given = [p for p in parameters.values() if p.name != "self"], len(arguments) - ("self" in parameters)
+    known = [p.name for p in own]
+    for word in options:
+        if word in SCIPY and word not in known and "rtol" in known:
+            return f"{name} has no argument '{word}': {SCIPY[word]}"
+    check_words(name, options, known)
+    places = [p.name for p in own if p.kind == Parameter.POSITIONAL_OR_KEYWORD]
+    by_name = [p.name for p in own if p.kind == Parameter.KEYWORD_ONLY]
+    if given > len(places) and by_name:
+        return f"{name} takes {listed(places)} without a name; write what follows by name, as in {by_name[0]}=..."
+    return ""

@@ -13,7 +13,7 @@ from typing import Literal
 
 from flint import arb, arb_poly
 
-from henon_ref.kernel.shared import EPS
+from henon_ref.kernel.library import EPS
 from henon_ref.precision import working_precision
 
 BITS = 220

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from henon_ref.casefile.yaml_file import MAX_BYTES, parse_yaml, read_yaml
+from henon_ref.casefile.files import MAX_BYTES, parse_yaml, read_yaml
 from henon_ref.errors import CaseError
 from henon_ref.system.tree import Place, ScalarNode, child, locate, merged, to_python
 

@@ -11,11 +11,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from henon_ref.integrator import records as k
 from henon_ref.integrator.mode_code import bernstein_code
 from henon_ref.jit.ir_writer import row_length
-from henon_ref.kernel.shared import EPS, LEVELS, doubles, ffi
-from henon_ref.kernel.shared import kernel as p
+from henon_ref.kernel.library import EPS, LEVELS, doubles, ffi
+from henon_ref.kernel.library import kernel as p
 
 ORDER = 12
 
@@ -49,7 +48,7 @@ def isolated(coefficients: np.ndarray) -> tuple[int, float, float]:
 
 def land(coefficients: np.ndarray, low: float, high: float, method: int) -> tuple[float, int, int]:
     """Root, landing used, evaluations."""
-    if method == k.BRENT:
+    if method == p.BRENT:
         found = p.test_brent(doubles(coefficients), ORDER, low, high)
     else:
         found = p.test_land(doubles(coefficients), ORDER, low, high, method)
@@ -60,7 +59,7 @@ def positive_by_bound(q: np.ndarray, powers: np.ndarray) -> bool:
     return bool(p.test_positive_by_bound(doubles(q), doubles(powers), ORDER))
 
 
-def first_root(roots: list[float], lead: float, landing: int = k.HENON) -> tuple[int, float, int]:
+def first_root(roots: list[float], lead: float, landing: int = p.HENON) -> tuple[int, float, int]:
     coefficients = np.zeros(ORDER + 1)
     poly = Polynomial.fromroots(roots) * lead
     coefficients[: len(roots) + 1] = poly.coef
@@ -85,7 +84,7 @@ def test_the_first_falling_root_is_found_whatever_else_is_there(roots: list[floa
     assert tau == pytest.approx(roots[0], abs=1e-9)
 
 
-@pytest.mark.parametrize("landing", [k.HENON, k.NEWTON, k.BRENT])
+@pytest.mark.parametrize("landing", [p.HENON, p.NEWTON, p.BRENT])
 @pytest.mark.parametrize("root", [1e-6, 0.1, 0.5, 0.7390851332151607, 1 - 1e-12])
 def test_every_landing_reaches_rounding(root: float, landing: int) -> None:
     outcome, tau, _ = first_root([root, 3.0], 1.0, landing)
@@ -96,8 +95,8 @@ def test_every_landing_reaches_rounding(root: float, landing: int) -> None:
 def test_where_a_guard_falls_evenly_one_evaluation_lands_on_it() -> None:
     """1/5 - sin(t/3), from the root of the inverse cubic; from the chord's it takes two."""
     sine = [-((0, 1, 0, -1)[j % 4]) / factorial(j) / 3**j for j in range(1, ORDER + 1)]
-    tau, used, evaluations = land(np.array([0.2, *sine]), 0.0, 1.0, k.HENON)
-    assert (used, evaluations) == (k.HENON, 1)
+    tau, used, evaluations = land(np.array([0.2, *sine]), 0.0, 1.0, p.HENON)
+    assert (used, evaluations) == (p.HENON, 1)
     assert tau == pytest.approx(3 * np.arcsin(0.2), rel=2 * EPS)
 
 
@@ -106,10 +105,10 @@ def test_near_another_root_a_parabola_comes_close_enough_for_the_swap(gap: float
     """Newton's step halves the distance to a pair of roots, and stops at none of them."""
     coefficients = np.zeros(ORDER + 1)
     coefficients[:5] = (Polynomial.fromroots([0.4, 0.4 + gap, -2.0, 3.0]) * -1).coef
-    tau, used, evaluations = land(coefficients, 0.0, 0.4 + gap / 2, k.HENON)
-    assert (used, tau) == (k.HENON, pytest.approx(0.4, abs=1e-15 / gap))
+    tau, used, evaluations = land(coefficients, 0.0, 0.4 + gap / 2, p.HENON)
+    assert (used, tau) == (p.HENON, pytest.approx(0.4, abs=1e-15 / gap))
     assert evaluations <= 6
-    assert evaluations < land(coefficients, 0.0, 0.4 + gap / 2, k.BRENT)[2]
+    assert evaluations < land(coefficients, 0.0, 0.4 + gap / 2, p.BRENT)[2]
 
 
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6])

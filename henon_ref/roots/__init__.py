@@ -1,1 +1,0 @@
-"""Roots of a step's polynomial: isolated in double precision, and in multiprecision."""
