@@ -84,9 +84,9 @@ FILES = (
     AdapterFile(
         "scipy_ivp", "scipy", _methods("scipy", "RK45", "DOP853", "RADAU", "BDF", "LSODA"), "offset", callbacks=True
     ),
-    AdapterFile("programs.cvode_c", "sundials", _methods("cvode-c", "ADAMS", "BDF"), peer=True, program=True),
-    AdapterFile("programs.interpreted", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
-    AdapterFile("programs.interpreted", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
+    AdapterFile("cvode_c", "sundials", _methods("cvode-c", "ADAMS", "BDF"), peer=True, program=True),
+    AdapterFile("interpreted", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
+    AdapterFile("interpreted", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
     AdapterFile("scipy_naive", "scipy", {"scipy-smoothed": "SMOOTHED", "scipy-sign": "SIGN"}),
     AdapterFile("diffrax_ode", "diffrax", _methods("diffrax", "DOPRI8", "KVAERNO5"), "offset", peer=True),
     AdapterFile("diffsol_ode", "pydiffsol", _methods("diffsol", "TSIT45", "BDF"), "offset", peer=True),

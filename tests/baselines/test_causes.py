@@ -9,7 +9,7 @@ import pytest
 from made_reports import study_request
 
 from henon_ref.baselines.causes import CAUSES, Cause, ClaimError
-from henon_ref.baselines.programs.cvode_c import compiler
+from henon_ref.baselines.cvode_c import compiler
 from henon_ref.harness.campaign.causes import PATTERNS
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.registry import program_versions

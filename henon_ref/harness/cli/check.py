@@ -11,8 +11,8 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.commands import Cases, application, examples
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
-from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.case_files import load_cases

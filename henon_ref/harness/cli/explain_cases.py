@@ -9,8 +9,8 @@ from pathlib import Path
 import sympy as sp
 
 from henon_ref.casefile.case import Case, Reading
+from henon_ref.commands import Cases, application, examples
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
 from henon_ref.expressions.traversal import size
 from henon_ref.harness.campaign.case_files import load_cases

@@ -18,8 +18,8 @@ from typing import Annotated
 import typer
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.commands import application, examples, path_of
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
-from henon_ref.commands.typer_app import application, examples, path_of
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli.compare import names
 from henon_ref.harness.report.folder import MANIFEST, RUNS

@@ -10,8 +10,8 @@ import typer
 
 from henon_ref.casefile.files import located, shipped_folder, yaml_files
 from henon_ref.casefile.yaml_file import read_yaml
+from henon_ref.commands import application, examples
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.expressions.grammar import NOT_STATES, may_have_kinks
 from henon_ref.harness.table import Table

@@ -9,9 +9,8 @@ from typing import Annotated
 
 import typer
 
-from henon_ref.commands import status_line
+from henon_ref.commands import FLAG, application, examples, status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.commands.typer_app import FLAG, application, examples
 from henon_ref.harness.cli.compare import KEPT, names
 from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 

@@ -16,7 +16,6 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -99,7 +98,7 @@ def program_for(equations: str) -> Path:
     The key of the cache consists of the sources, the equations, the compiler and its options, and SUNDIALS' version.
     """
     path, _ = tools()
-    folder = files("henon_ref.baselines.programs")
+    folder = Path(__file__).with_name("programs")
     texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("cvode.c", "json.h", "response.h")}
     texts["problem.h"] = equations
     key = hashlib.sha256(repr((texts, path, _compiler_version(path), FLAGS, library_version())).encode())

@@ -7,8 +7,8 @@ import math
 import pytest
 
 import henon_ref
-from henon_ref.baselines.programs import interpreted as module
-from henon_ref.baselines.programs.interpreted import ODE45, octave_version
+from henon_ref.baselines import interpreted as module
+from henon_ref.baselines.interpreted import ODE45, octave_version
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import expected_of

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import henon_ref
-from henon_ref.baselines.programs import cvode_c as build
-from henon_ref.baselines.programs.cvode_c import ADAMS, BDF, c_equations
+from henon_ref.baselines import cvode_c as build
+from henon_ref.baselines.cvode_c import ADAMS, BDF, c_equations
 from henon_ref.baselines.protocol.problem_text import problem_text
 from henon_ref.baselines.protocol.program import ProgramRun
 from henon_ref.casefile.case import Case, Reading
