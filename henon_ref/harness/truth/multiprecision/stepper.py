@@ -19,9 +19,9 @@ import sympy as sp
 from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.harness.truth.multiprecision import series
 from henon_ref.harness.truth.multiprecision.heyoka import RealParameters, to_heyoka, to_real
 from henon_ref.harness.truth.multiprecision.numbers import to_ball
+from henon_ref.harness.truth.multiprecision.points import ORDER, series_along
 from henon_ref.harness.truth.roots import END
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
@@ -185,7 +185,7 @@ class Stepper:
         of the state makes them zero, those before them may be large: the step is too long. heyoka also assumes that
         later coefficients are smaller. If a drive is almost constant at first (a pulse in the far future, with tiny
         derivatives now), later coefficients are larger, and the step would miss the pulse. For rows whose coefficients
-        do not decrease, Lagrange's remainder of order ``series.ORDER`` is therefore enclosed over the step; accepted
+        do not decrease, Lagrange's remainder of order ``ORDER`` is therefore enclosed over the step; accepted
         are 1000 times the solution's change on the step, and rounding.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
@@ -203,12 +203,12 @@ class Stepper:
         rhs = [self._in_mode(i) for i in range(len(self._rhs))]
         n = self._dimension
         try:
-            slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
+            slopes = series_along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
         except (ZeroDivisionError, ValueError):
             return False
         floor = 2.0 ** (8 - self.bits) * max(1e-300, float(np.abs(step.rough).max()))
         return all(
-            bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(1e3 * variations[i], floor))
+            bool(abs(c[-1]) * length ** (ORDER + 1) <= max(1e3 * variations[i], floor))
             for i, c in zip(rows, slopes, strict=True)
         )
 
