@@ -180,8 +180,8 @@ def compute(
     """
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
     from henon_ref.harness.truth.conditioning import conditioning
-    from henon_ref.harness.truth.multiprecision.numbers import with_short_state
     from henon_ref.harness.truth.proofs import prove, with_closed_forms
+    from henon_ref.harness.truth.reference import with_short_state
 
     problem, seconds, computed = reading.problem, proof_seconds, None
     if heyoka_installed():

@@ -16,8 +16,15 @@ from flint import arb
 
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import Ended, Progress, certify
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits, written_radius
-from henon_ref.harness.truth.reference import ReferenceTransition, Route, TruthError
+from henon_ref.harness.truth.reference import (
+    GUARD_BITS,
+    ReferenceTransition,
+    Route,
+    TruthError,
+    ball_text,
+    in_digits,
+    written_radius,
+)
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision

@@ -20,7 +20,7 @@ from flint import arb, arb_series, ctx
 from henon_ref.enclosure.balls import sign_of
 from henon_ref.errors import ModelError
 from henon_ref.expressions.traversal import Rules, Walk, fold
-from henon_ref.harness.truth.multiprecision.numbers import exact_ball
+from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, Leading
 from henon_ref.modes.equations import Guard

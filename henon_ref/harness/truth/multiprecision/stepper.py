@@ -20,8 +20,8 @@ from flint import arb
 from numpy.typing import NDArray
 
 from henon_ref.harness.truth.multiprecision.heyoka import RealParameters, to_heyoka, to_real
-from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.multiprecision.points import ORDER, series_along
+from henon_ref.harness.truth.reference import to_ball
 from henon_ref.harness.truth.roots import END
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode

@@ -9,8 +9,8 @@ import sympy as sp
 from flint import arb, ctx
 
 from henon_ref.errors import ModelError
-from henon_ref.harness.truth.multiprecision.numbers import exact_ball
 from henon_ref.harness.truth.multiprecision.points import leading_term, series_along
+from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.taylor.tape import TIME
 
 X, V = sp.symbols("x v", real=True)
