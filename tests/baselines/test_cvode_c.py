@@ -19,7 +19,7 @@ from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.campaign.journal import code_files
 from henon_ref.harness.cli.lists import unavailable
 from henon_ref.harness.registry import all_versions
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.compute import stored_truth
 
 installed = pytest.mark.skipif(
