@@ -184,7 +184,7 @@ def fixed_step(name: str) -> bool | None:
     """Check whether a solver takes a fixed step instead of tolerances; None for a third-party solver.
 
     A third-party solver must be imported to find out;
-    :func:`henon_ref.harness.campaign.case_files.fixed_step` does so in a worker process.
+    :func:`henon_ref.harness.campaign.options.fixed_step` does so in a worker process.
     """
     file = _file(check(name))
     return None if file is None else file.fixed_step

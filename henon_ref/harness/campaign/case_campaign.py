@@ -14,10 +14,17 @@ from typing import TYPE_CHECKING, Any
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import jobs
-from henon_ref.harness.campaign.case_files import fixed_step
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.journal import Journal, reading_key, row_key
-from henon_ref.harness.campaign.options import MOST_DRAWN, Options, Setting, chosen_solvers, settings, state_scale
+from henon_ref.harness.campaign.options import (
+    MOST_DRAWN,
+    Options,
+    Setting,
+    chosen_solvers,
+    fixed_step,
+    settings,
+    state_scale,
+)
 from henon_ref.harness.campaign.progress import TRUTH, ProgressLine
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
 from henon_ref.solver import Solver

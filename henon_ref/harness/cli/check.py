@@ -15,9 +15,8 @@ from henon_ref.commands import Cases, application, examples
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.campaign import compare_all
-from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.options import Options, load_cases
 from henon_ref.harness.registry import is_peer
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS

@@ -19,10 +19,9 @@ from henon_ref.commands.exit_status import DONE, NOT_MET, say
 from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.campaign import compare_all
-from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.journal import FILE, read
-from henon_ref.harness.campaign.options import Options, check_required, check_solvers
+from henon_ref.harness.campaign.options import Options, check_required, check_solvers, load_cases
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty

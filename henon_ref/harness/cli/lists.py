@@ -145,7 +145,7 @@ def _may_hold_kink(node: Node) -> bool:
 def solvers() -> int:
     # A worker loads each third-party solver first, since its module may hang or crash.
     from henon_ref.harness import registry
-    from henon_ref.harness.campaign.case_files import fixed_step
+    from henon_ref.harness.campaign.options import fixed_step
 
     default = registry.default_names()
     rows = [

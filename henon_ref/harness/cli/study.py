@@ -60,8 +60,7 @@ def main(
 ) -> int:
     """Run a study, and write its page into a folder of the study."""
     from henon_ref.harness import registry
-    from henon_ref.harness.campaign.case_files import load_cases
-    from henon_ref.harness.campaign.options import Options
+    from henon_ref.harness.campaign.options import Options, load_cases
     from henon_ref.harness.campaign.progress import ProgressLine
     from henon_ref.harness.cli.compare_cases import discard
     from henon_ref.harness.report.folder import check_writable, locked

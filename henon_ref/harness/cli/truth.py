@@ -11,7 +11,7 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.commands import FLAG, Cases, application, examples, status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of
 from henon_ref.errors import CaseError, ModelError
-from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.options import load_cases
 from henon_ref.harness.truth import compute, store
 from henon_ref.harness.truth.reference import Truth, TruthError
 from henon_ref.text import message

@@ -18,7 +18,7 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.figures import style
 from henon_ref.figures.style import describe
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.case_files import fixed_step
+from henon_ref.harness.campaign.options import fixed_step
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import NOT_RUN, RunRow, number
