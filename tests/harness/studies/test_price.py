@@ -28,8 +28,16 @@ from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import fitted, in_fresh_process, shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import ladder
+from henon_ref.harness.studies.price.accuracy import (
+    STICKS,
+    Horizon,
+    Landed,
+    crest_crossings,
+    horizons,
+    landing_table,
+    landings,
+)
 from henon_ref.harness.studies.price.chains import ManyContacts, Size, contact_table, many_contacts, sizes
-from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
     WHEN_NAMED,
@@ -43,7 +51,6 @@ from henon_ref.harness.studies.price.ladder import (
     time_ladder_pairs,
     why_not,
 )
-from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
 from henon_ref.harness.studies.price.operations import BODIES, Body, Work, additions, count, work
 from henon_ref.harness.studies.price.page import write_page
 from henon_ref.jit.cache_folder import VARIABLE
