@@ -51,7 +51,7 @@ SUBCOMMANDS = {
     "compare": Subcommand("compare:program", "Run solvers on cases, score them against the truth, and write reports."),
     "explain": Subcommand("explain_cases:command", "Explain case files without a run."),
     "gate": Subcommand("gate:command", "Check reports against their cases' gates, and against an earlier comparison."),
-    "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
+    "check": Subcommand("stored:check_command", "Check stored reports against a fresh comparison."),
     "demo": Subcommand("commands.simulate:demo_command", "Draw a stick-slip orbit with its transitions."),
     "simulate": Subcommand("commands.simulate:command", "Simulate one case; print its transitions, and draw the run."),
     "sweep": Subcommand("main:sweep_program", "Run one system at many points, and observe each run."),
@@ -59,7 +59,7 @@ SUBCOMMANDS = {
     "solvers": Subcommand("lists:solvers_command", "List solvers: versions, properties, and why one is unavailable."),
     "schema": Subcommand("lists:schema_command", "Print the JSON Schema of a case file."),
     "new-solver": Subcommand("new_solver:command", "Write a template package for a solver of your own."),
-    "truth": Subcommand("truth:command", "Compute truths, compare them with the stored ones, and store them."),
+    "truth": Subcommand("stored:truth_command", "Compute truths, compare them with the stored ones, and store them."),
     "study": Subcommand("study:command", "Run a study: price, paired-times, atlas, restarts, causes or paper."),
 }
 """Name -> subcommand, in the order of the help."""

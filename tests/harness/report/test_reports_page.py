@@ -22,7 +22,7 @@ from henon_ref.errors import CaseError
 from henon_ref.figures.motion import Motion
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import MOST_DRAWN
-from henon_ref.harness.cli.check import page_differences
+from henon_ref.harness.cli.stored import page_differences
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import (
     CELL,
