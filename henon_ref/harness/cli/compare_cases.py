@@ -26,10 +26,10 @@ from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import KINDS, figure_job, file_name
-from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import bounds_of, demand, gate
 from henon_ref.harness.score.ranking import at_fault, standings, standings_table, tightest

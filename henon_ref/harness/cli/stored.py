@@ -26,8 +26,8 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
 from henon_ref.harness.report.folder_report import content
 from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.report.matrix import read_matrix
 from henon_ref.harness.report.rendering import embedded, read_embedded, unpacked
-from henon_ref.harness.report.text.matrix import read_matrix
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.ranking import floor

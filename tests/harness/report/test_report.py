@@ -28,10 +28,10 @@ from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.cli.stored import differences
 from henon_ref.harness.report.case_report import report_text, write_report
+from henon_ref.harness.report.gate import gate_table, why_unchecked
+from henon_ref.harness.report.model import mode_equations
 from henon_ref.harness.report.svg import figure_job
-from henon_ref.harness.report.text.gate import gate_table, why_unchecked
-from henon_ref.harness.report.text.model import mode_equations
-from henon_ref.harness.report.text.tables import price_table, run_table
+from henon_ref.harness.report.tables import price_table, run_table
 from henon_ref.harness.result_files import csv_text, read_rows, rows_text
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Gate

@@ -22,7 +22,7 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.report.text.model import mode_tape, operations
+from henon_ref.harness.report.model import mode_tape, operations
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import fitted, in_fresh_process, shipped_problem

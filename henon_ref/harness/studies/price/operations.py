@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.timing import interleaved
-from henon_ref.harness.report.text.model import mode_tape, operations
+from henon_ref.harness.report.model import mode_tape, operations
 from henon_ref.harness.rows import Row
 from henon_ref.harness.table import Table
 from henon_ref.integrator.integrator import local_error, order_for
