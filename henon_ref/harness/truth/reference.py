@@ -27,6 +27,8 @@ OUT_OF_TIME = "the truth's time limit passed"
 """Start of the reason of a truth that a time limit ended early."""
 GUARD_BITS = 32
 """Bits by which ball arithmetic exceeds heyoka's precision, so that its rounding does not matter."""
+CLOSED_FORM_BITS = 320
+"""Working precision of a closed form, more than the truth's 256 bits, so that its rounding does not matter."""
 STATE_DIGITS = 25
 """Significant digits of a state in a truth, eight more than a double has: states are compared as doubles."""
 
