@@ -21,9 +21,9 @@ from henon_ref.baselines.protocol.exchange import command_output
 from henon_ref.baselines.protocol.messages import Problem
 from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
+from henon_ref.workers import ONE_THREAD
 
 OCTAVE = ("octave-cli", "--no-init-file", "--no-history", "--quiet")
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 VARIABLE = "SICONOS_PYTHON"
 """Environment variable of the interpreter that has Siconos."""
 DEFAULT = "/usr/bin/python3"

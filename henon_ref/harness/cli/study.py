@@ -16,6 +16,8 @@ from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 
 app = application()
 
+NAME_HELP = " ".join(f"{name}: {own.summary}" for name, own in STUDIES.items())
+
 
 @app.command(
     epilog=examples(
@@ -27,14 +29,7 @@ app = application()
     )
 )
 def main(
-    study: Annotated[
-        str,
-        typer.Argument(
-            help=" ".join(f"{name}: {own.summary}" for name, own in STUDIES.items()),
-            show_default=False,
-            metavar="NAME",
-        ),
-    ],
+    study: Annotated[str, typer.Argument(help=NAME_HELP, show_default=False, metavar="NAME")],
     cases: Annotated[
         list[Path] | None, typer.Argument(help="Case files, or folders of them.", show_default=False, metavar="CASE")
     ] = None,
