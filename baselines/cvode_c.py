@@ -32,7 +32,6 @@ VARIABLE = "CC"
 """Environment variable that names the compiler."""
 PREFIX = "SUNDIALS_PREFIX"
 """Environment variable for the folder of SUNDIALS' ``include`` and ``lib``, if they are not those of the system."""
-PACKAGES = "Debian: gcc and libsundials-dev"
 _CONFIG = "sundials/sundials_config.h"
 ARGUMENTS = "double t, const double *x, const double *p"
 HEAD = """/* Made by henon_ref from the text of a request. */
@@ -83,10 +82,11 @@ def compiler() -> str:
 def tools() -> tuple[str, Path]:
     """Return the compiler and the folder of headers; raise :class:`UnavailableError` if one is missing."""
     found, folder, version = compiler(), include_folder(), library_version()
+    packages = "Debian: gcc and libsundials-dev"
     if not found:
-        raise UnavailableError(f"there is no C compiler ({PACKAGES})")
+        raise UnavailableError(f"there is no C compiler ({packages})")
     if folder is None:
-        raise UnavailableError(f"SUNDIALS' headers are not installed ({PACKAGES})")
+        raise UnavailableError(f"SUNDIALS' headers are not installed ({packages})")
     if version.partition(".")[0] != "6":
         raise UnavailableError(f"SUNDIALS is version {version or 'unknown'}, wanted 6.x")
     return found, folder

@@ -36,9 +36,6 @@ from henon_ref.harness.score.ranking import at_fault, standings, standings_table
 from henon_ref.harness.table import count
 from henon_ref.text import listed, message
 
-MOST_FAILING = 24
-"""Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
-
 
 def run(
     paths: Sequence[Path],
@@ -164,10 +161,11 @@ def print_end(rows: Sequence[RunRow], *, readings: int) -> None:
             "median time, and geometric mean of its time relative to the fastest solver (times as long)."
         )
     found = failing(rows)
-    for own in found[:MOST_FAILING]:
+    most = 24  # the JSON document and the reports list all
+    for own in found[:most]:
         print(failing_line(own))
-    if len(found) > MOST_FAILING:
-        print(f"and {len(found) - MOST_FAILING} more, see the reports")
+    if len(found) > most:
+        print(f"and {len(found) - most} more, see the reports")
     absent = {row.solver for row in rows if row.status == "unavailable"}
     if missing := sorted(set(map(registry.missing_package, absent)) - {""}):
         print(f"to install missing packages: {shlex.join(['pip', 'install', *missing])}")

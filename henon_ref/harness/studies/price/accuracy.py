@@ -51,8 +51,6 @@ STICKS = (1.17430046762285, 0.41641643691198)
 """Durations of the sticks of the periodic orbit of Fig. 8's `listing_limit` [s], certified by Krawczyk's test."""
 SETTLED = 500.0
 """Time after which the influence of the start is below rounding [s] (the orbit's multiplier is 0.4 per period)."""
-BOUND = 1e-11
-"""Largest allowed error of a stick in a run of a million seconds [s]."""
 SEEN = 400
 """Number of last transitions in which 20 complete sticks are found."""
 _STICK, _RELEASE = 0, 1
@@ -247,6 +245,7 @@ def growth_table(found: Sequence[Horizon]) -> Table:
 def draw_growth(found: Sequence[Horizon]) -> Figure:
     """Draw the time per transition and the error of the last sticks over the horizon, for every solver."""
     solvers = by_solver(found)
+    bound = 1e-11  # largest allowed error of a stick in a run of a million seconds [s]
     powers = {solver: fitted(own, "until", "wall_s", since=1e3) for solver, own in solvers.items()}
     with style.figure(3.0) as figure:
         times, errors = figure.subplots(1, 2, sharex=True)
@@ -256,9 +255,9 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
             points, look = [(run.until, 1e6 * run.per_transition_s) for run in own], style.line_of(solver)
             draw_line(times, look, points, f"{solver}: run ~ horizon^({fit})")
             draw_line(errors, look, settled, solver)
-        errors.axhline(BOUND, color=style.GREY, ls="--", lw=0.9)
+        errors.axhline(bound, color=style.GREY, ls="--", lw=0.9)
         errors.annotate(
-            f"bound: {BOUND:.0e} s", (max(run.until for run in found), BOUND), (0, -11),
+            f"bound: {bound:.0e} s", (max(run.until for run in found), bound), (0, -11),
             textcoords="offset points", fontsize=8.0, color=style.GREY, ha="right",
         )  # fmt: skip
         times.set(xlabel="horizon [s]", ylabel="wall time per transition [µs]")
@@ -268,7 +267,7 @@ def draw_growth(found: Sequence[Horizon]) -> Figure:
             "Time per transition, and error of the last sticks, over the horizon",
             "Two panels with logarithmic axes. Time of a run grows with a power of the horizon: "
             + "; ".join(f"{solver} {fit}" for solver, fit in powers.items())
-            + f". In the second panel a dashed line is the bound of {BOUND:.0e} s on the error of the last sticks.",
+            + f". In the second panel a dashed line is the bound of {bound:.0e} s on the error of the last sticks.",
             (times,),
         )
     return figure

@@ -29,9 +29,6 @@ from henon_ref.modes.resets import kept_zero, settled_state
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
-PIECES = 16
-"""Subintervals of a step on which double precision first tries to show that a guard has no root."""
-
 LONGEST_GAP, RISE = 16, 2.0**5
 """Without a gap the k-th last coefficient is below ``RISE**k`` [roundings of the state], for k up to ``LONGEST_GAP``;
 in the shipped cases it is below (2^3.5)^k."""
@@ -269,6 +266,9 @@ def _is_linear(rate: sp.Expr) -> bool:
 
 @cache
 def _pieces(terms: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Ends of the subintervals of a step, and Vandermonde matrices (PIECES, terms) of the ends and of the midpoints."""
-    ends = END * np.arange(1, PIECES + 1) / PIECES
+    """Ends of 16 subintervals of a step, and Vandermonde matrices (16, terms) of the ends and of the midpoints.
+
+    Double precision first tries to show on them that a guard has no root.
+    """
+    ends = END * np.arange(1, 17) / 16
     return ends, np.vander(ends, terms, increasing=True), np.vander(ends - ends[0] / 2, terms, increasing=True)
