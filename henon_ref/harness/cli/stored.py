@@ -36,6 +36,8 @@ from henon_ref.harness.truth import compute, store
 from henon_ref.harness.truth.reference import Truth, TruthError
 from henon_ref.text import message
 
+check_app, truth_app = application(), application()
+
 
 def differences(stored: Path, fresh: Path) -> list[str]:
     """List the differences between the stored and the fresh report folder of a case.
@@ -131,9 +133,6 @@ def all_differences(paths: Sequence[Path], reports: Path, fresh: Path | None) ->
             raise CaseError(f"{fresh} has no report of {', '.join(missing)}")
         found = [f"{c.name}: {w}" for c in cases for w in differences(reports / c.name, fresh / c.name)]
         return found + page_differences(reports)
-
-
-check_app, truth_app = application(), application()
 
 
 @check_app.command(epilog=examples("check fig8", "check cases --fresh out"))
