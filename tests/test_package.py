@@ -72,7 +72,7 @@ def test_the_command_s_module_is_not_imported_and_takes_no_function_s_place() ->
     assert "case" in inspect.signature(henon_ref.compare).parameters
     code = (
         "import os; before = dict(os.environ)\n"
-        "import henon_ref.harness.cli.compare, henon_ref.harness.cli.sweep, henon_ref.sweeps.sweep, henon_ref as hr\n"
+        "import henon_ref.harness.cli.compare, henon_ref.sweeps.sweep, henon_ref as hr\n"
         "try:\n    import henon_ref.compare\n"
         "except ImportError as error:\n    print(error)\n"
         "print(type(hr.sweep).__name__, type(hr.compare).__name__, hr.observe.__name__, dict(os.environ) == before)"

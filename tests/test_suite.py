@@ -19,7 +19,7 @@ from shipped import CASES, paths, read, readings, shipped
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.harness.campaign.comparison import expected_of
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.store import folder_of
 from henon_ref.modes.mode import transition_kind

@@ -11,8 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from henon_ref.baselines.causes.base import ClaimError, cause, holds
-from henon_ref.baselines.programs.cvode_c import compile_program
-from henon_ref.baselines.programs.interpreted import ENVIRONMENT, OCTAVE, siconos_python
+from henon_ref.baselines.cvode_c import compile_program
+from henon_ref.baselines.interpreted import ENVIRONMENT, OCTAVE, siconos_python
 from henon_ref.errors import UnavailableError
 
 PROGRAMS = Path(__file__).parent / "programs"

@@ -10,7 +10,6 @@ from henon_ref.baselines.causes.base import cause, holds
 
 shows = partial(cause, "diffrax", docs="https://docs.kidger.site/diffrax/api/events/", apart=True)
 GITHUB = "https://github.com/patrick-kidger/diffrax"
-TOLERANCE = 1e-12
 
 
 def solve(
@@ -34,7 +33,8 @@ def solve(
 
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_platforms", "cpu")
-    controller = diffrax.PIDController(rtol=TOLERANCE, atol=TOLERANCE) if step is None else diffrax.ConstantStepSize()
+    tolerance = 1e-12
+    controller = diffrax.PIDController(rtol=tolerance, atol=tolerance) if step is None else diffrax.ConstantStepSize()
     return diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: jax.numpy.array(field(t, y), dtype=float)),
         solver or diffrax.Dopri8(),
@@ -43,7 +43,7 @@ def solve(
         step,
         jax.numpy.array(start),
         stepsize_controller=controller,
-        event=diffrax.Event(conditions, finder or optimistix.Newton(TOLERANCE, TOLERANCE), direction),
+        event=diffrax.Event(conditions, finder or optimistix.Newton(tolerance, tolerance), direction),
         throw=False,
     )
 

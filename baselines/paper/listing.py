@@ -31,8 +31,6 @@ from henon_ref.trajectory import Counts, Status, Trajectory, Transition
 
 Floats = NDArray[np.float64]
 
-PARAMETERS = ("m", "k1", "k2", "mu0", "vp", "A", "w")
-"""Names of the parameters that the listing reads."""
 _UPPER = 2 * math.sqrt(3) / 3 * np.array([math.cos(math.pi / 9), math.cos(2 * math.pi / 9), math.sin(math.pi / 18)])
 EDGES = np.array([*_UPPER, *-_UPPER[::-1]])
 """Tangent points z of Eq. (24), highest first: the stick zones are [1, 0], [3, 2] and [5, 4]."""
@@ -130,12 +128,13 @@ def listing_parameters(problem: Problem) -> tuple[float, ...]:
 
     If the system is another one, the UnsupportedError names the difference.
     """
+    read = ("m", "k1", "k2", "mu0", "vp", "A", "w")
     named = {symbol.name: symbol for symbol in problem.system.parameters}
-    missing = [name for name in PARAMETERS if name not in named]
+    missing = [name for name in read if name not in named]
     different = f"no parameter {', '.join(missing)}" if missing else _difference(problem.system, named)
     if different:
         raise UnsupportedError(f"henon-listing runs the system of Fig. 8 only: {different}")
-    return tuple(float(problem.system.parameters[named[name]]) for name in PARAMETERS)
+    return tuple(float(problem.system.parameters[named[name]]) for name in read)
 
 
 def _difference(system: FilippovSystem, p: Mapping[str, sp.Symbol]) -> str:

@@ -35,9 +35,6 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.solver import Run
 from henon_ref.trajectory import Status, Trajectory, without_hidden_kinks
 
-CROWDED = 100
-"""Number of events within the length of one step after which the run fails: events accumulate, or the run chatters."""
-
 
 class HenonRK4:
     """Solver ``henon-rk4``: the paper's fixed-step method.
@@ -117,7 +114,8 @@ class _Integration:
     def run(self) -> Trajectory:
         """Integrate to the horizon, or to an earlier end."""
         decision = initial_mode(self.modes.at_start(self.problem), self.problem)
-        recent: deque[float] = deque(maxlen=CROWDED)
+        crowded = 100  # so many events within the length of one step accumulate, or the run chatters
+        recent: deque[float] = deque(maxlen=crowded)
         while decision.mode is not None:
             self.mode = decision.mode
             ended = self._through_mode()
@@ -125,8 +123,8 @@ class _Integration:
                 return self._result(*ended)
             decision = ended
             recent.append(self.time)
-            if len(recent) == CROWDED and self.time - recent[0] < self.step:
-                return self._result("failed", f"{CROWDED} events within one step at t = {self.time:.17g}")
+            if len(recent) == crowded and self.time - recent[0] < self.step:
+                return self._result("failed", f"{crowded} events within one step at t = {self.time:.17g}")
         return self._result(decision.ending, decision.reason)
 
     def _through_mode(self) -> Decision | tuple[Status, str]:

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 
 from henon_ref.harness import registry
+from henon_ref.harness.report.choice import ANY, Reach, by_kind, commits, reaches, readings_for
 from henon_ref.harness.report.folder import MANIFEST
-from henon_ref.harness.report.text.choice import ANY, Reach, by_kind, commits, reaches, readings_for
-from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
+from henon_ref.harness.report.matrix import MatrixRow, read_matrix
 from henon_ref.harness.score.ranking import LEVELS, by_solver
 from henon_ref.harness.table import Table, significant
 from henon_ref.text import code

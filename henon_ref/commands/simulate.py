@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from henon_ref.atomic_write import replace_file
-from henon_ref.commands import status_line
+from henon_ref.commands import application, examples, status_line
 from henon_ref.commands.exit_status import DONE, command_of, say
-from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.text import did_you_mean, listed
 

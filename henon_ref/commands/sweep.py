@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from henon_ref.commands import status_line
+from henon_ref.commands import FLAG, application, examples, path_of, status_line
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.typer_app import FLAG, application, examples, path_of
 from henon_ref.errors import CaseError
 from henon_ref.workers import ONE_THREAD
 

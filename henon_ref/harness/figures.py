@@ -250,10 +250,6 @@ def _notes(curves: Sequence[Curve], expected: Expected, lowest: float, last: flo
 
 SAMPLE = 22.0
 """Length of the sample of a line [pt]."""
-LARGE, SMALL = 8.0, 6.0
-"""Largest and smallest font size of a label [pt]."""
-LETTER = 0.62
-"""Assumed width of a letter, slightly above the average [em]."""
 
 
 def label_column(
@@ -292,11 +288,13 @@ def label_column(
 
 def _fitted(axes: Axes, label: str, x: float) -> tuple[str, float]:
     """Fit a label into the figure by a smaller font, and by truncation if necessary; return text and size [pt]."""
+    largest, smallest = 8.0, 6.0
+    letter = 0.62  # assumed width, slightly above the average [em]
     place = axes.get_position()
     room = ((1.0 - place.x0) / place.width - x) / _point(axes) - SAMPLE - 6
-    most = int(room / (LETTER * SMALL))
+    most = int(room / (letter * smallest))
     text = label if len(label) <= most else f"{label[: most - 1]}…"
-    return text, min(LARGE, room / (LETTER * len(text)))
+    return text, min(largest, room / (letter * len(text)))
 
 
 def _point(axes: Axes) -> float:

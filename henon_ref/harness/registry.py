@@ -84,9 +84,9 @@ FILES = (
     AdapterFile(
         "scipy_ivp", "scipy", _methods("scipy", "RK45", "DOP853", "RADAU", "BDF", "LSODA"), "offset", callbacks=True
     ),
-    AdapterFile("programs.cvode_c", "sundials", _methods("cvode-c", "ADAMS", "BDF"), peer=True, program=True),
-    AdapterFile("programs.interpreted", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
-    AdapterFile("programs.interpreted", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
+    AdapterFile("cvode_c", "sundials", _methods("cvode-c", "ADAMS", "BDF"), peer=True, program=True),
+    AdapterFile("interpreted", "octave", {"octave-ode45": "ODE45"}, peer=True, program=True),
+    AdapterFile("interpreted", "siconos", {"siconos": "RELAY"}, peer=True, program=True, fixed_step=True),
     AdapterFile("scipy_naive", "scipy", {"scipy-smoothed": "SMOOTHED", "scipy-sign": "SIGN"}),
     AdapterFile("diffrax_ode", "diffrax", _methods("diffrax", "DOPRI8", "KVAERNO5"), "offset", peer=True),
     AdapterFile("diffsol_ode", "pydiffsol", _methods("diffsol", "TSIT45", "BDF"), "offset", peer=True),
@@ -184,7 +184,7 @@ def fixed_step(name: str) -> bool | None:
     """Check whether a solver takes a fixed step instead of tolerances; None for a third-party solver.
 
     A third-party solver must be imported to find out;
-    :func:`henon_ref.harness.campaign.case_files.fixed_step` does so in a worker process.
+    :func:`henon_ref.harness.campaign.options.fixed_step` does so in a worker process.
     """
     file = _file(check(name))
     return None if file is None else file.fixed_step

@@ -100,7 +100,7 @@ class RunRow(ReadingRow):
     expected_status: str | None = None
     """Status of the truth; None if nothing is known after the start."""
     verdict: str | None = None
-    """Classification of a run (:mod:`henon_ref.harness.score.verdict`); None if it was not scored."""
+    """Classification of a run (:mod:`henon_ref.harness.score.scoring`); None if it was not scored."""
     digits: float | None = None
     """Decimal digits of the worst transition time, counted from ``time_unit_s``."""
     time_unit_s: float | None = None
@@ -207,7 +207,7 @@ class TransitionRow(PartRow):
     outcome: str | None = None
     """matched, missed, spurious, cut off (beyond the horizon within the run's error), touch (no mode changes)."""
     verdict: str | None = None
-    """Verdict on a missed or spurious transition (:mod:`henon_ref.harness.score.verdict`)."""
+    """Verdict on a missed or spurious transition (:mod:`henon_ref.harness.score.scoring`)."""
 
 
 @dataclass(frozen=True)

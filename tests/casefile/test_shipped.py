@@ -10,7 +10,7 @@ import henon_ref
 from henon_ref.casefile import files
 from henon_ref.casefile.files import case_files, located, shipped_folder, shipped_names
 from henon_ref.errors import CaseError
-from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.options import load_cases
 from henon_ref.harness.truth import store
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -23,7 +23,7 @@ from henon_ref.expressions.algebra import coefficients, expanded, known_positive
 from henon_ref.expressions.bounds import put
 from henon_ref.expressions.evaluation import Walk
 from henon_ref.expressions.traversal import size
-from henon_ref.harness.report.text.model import as_written, general_form, mode_equations
+from henon_ref.harness.report.model import as_written, general_form, mode_equations
 from henon_ref.harness.truth.proofs import prove
 from henon_ref.taylor.tape import build_tape
 
@@ -96,7 +96,7 @@ def test_reading_cases_and_printing_their_modes_ends() -> None:
         "from contextlib import suppress\n"
         "from henon_ref.errors import CaseError\n"
         "from henon_ref.casefile.case import parse_case\n"
-        "from henon_ref.harness.report.text.model import general_form, mode_equations\n"
+        "from henon_ref.harness.report.model import general_form, mode_equations\n"
         "for text in sys.argv[1:]:\n"
         "    with suppress(CaseError):\n"
         "        system = parse_case(text).readings[0].problem.system\n"

@@ -13,8 +13,7 @@ import systems
 
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign import case_files
-from henon_ref.harness.campaign.case_files import fixed_step
+from henon_ref.harness.campaign.options import fixed_step
 
 
 class ThirdParty:
@@ -160,7 +159,7 @@ def test_what_is_asked_of_a_solver_before_it_runs_fails_for_no_entry_point(entry
     ("value", "words"), [("test_registry:hang", "no answer within the time"), ("test_registry:die", "SIGABRT")]
 )
 def test_an_entry_point_that_hangs_or_dies_takes_nobody_with_it(entry_point, monkeypatch, value, words):
-    monkeypatch.setattr(case_files, "LOADING_SECONDS", 1.0)
+    monkeypatch.setattr("henon_ref.harness.campaign.options.LOADING_SECONDS", 1.0)
     entry_point("third-party", value)
     assert not fixed_step("third-party")
     with pytest.raises(UnavailableError, match=f"the entry point third-party = {value} cannot be loaded: .*{words}"):

@@ -21,8 +21,8 @@ from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
-from henon_ref.harness.truth.multiprecision.numbers import exact_ball
 from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
+from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem

@@ -9,7 +9,7 @@ the case file of each disagreement, and counts at the end.
 
 The multiprecision route is the reference. A run is right if it has the same transitions, each with an error within a
 bound times its conditioning (:mod:`henon_ref.harness.truth.conditioning`). Otherwise the problem may be ill-conditioned
-(:mod:`henon_ref.harness.score.verdict`): an error of the size of the tolerance makes a transition appear or vanish. The
+(:mod:`henon_ref.harness.score.scoring`): an error of the size of the tolerance makes a transition appear or vanish. The
 library is heyoka; if it is not right, another library runs, at several tolerances.
 
 If a run is not right, or the exact run cannot continue, the states of all transitions and of the end are searched for a
@@ -36,8 +36,8 @@ from scene_draws import scene
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import ModelError, UnsupportedError
 from henon_ref.harness.registry import solver
-from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.modes.equations import along
 from henon_ref.modes.kinks import visible

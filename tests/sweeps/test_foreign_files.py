@@ -18,7 +18,7 @@ from sweep_systems import SWEEP, assert_same, sliding_block
 
 import henon_ref as hr
 from henon_ref.errors import HenonRefError
-from henon_ref.harness.cli.sweep import program
+from henon_ref.harness.cli.main import sweep_program as program
 from henon_ref.harness.report.folder import FolderLock
 from henon_ref.sweeps.storage import KEY, SweepFolder, owned
 from henon_ref.sweeps.sweep import assembled

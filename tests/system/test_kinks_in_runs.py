@@ -10,7 +10,7 @@ import sympy as sp
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
-from henon_ref.harness.report.text.model import kink_notes
+from henon_ref.harness.report.model import kink_notes
 from henon_ref.modes.kinks import continuous
 from henon_ref.modes.problem import Problem
 from henon_ref.trajectory import Trajectory

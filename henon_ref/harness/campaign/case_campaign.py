@@ -14,13 +14,19 @@ from typing import TYPE_CHECKING, Any
 from henon_ref.casefile.case import Case, Reading
 from henon_ref.harness import registry
 from henon_ref.harness.campaign import jobs
-from henon_ref.harness.campaign.case_files import fixed_step
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.journal import Journal, reading_key, row_key
-from henon_ref.harness.campaign.options import MOST_DRAWN, Options, Setting, chosen_solvers, settings, state_scale
+from henon_ref.harness.campaign.options import (
+    MOST_DRAWN,
+    Options,
+    Setting,
+    chosen_solvers,
+    fixed_step,
+    settings,
+    state_scale,
+)
 from henon_ref.harness.campaign.progress import TRUTH, ProgressLine
 from henon_ref.harness.campaign.rows import Outcome, Record, record, scored
-from henon_ref.harness.score.verdict import RIGHT
 from henon_ref.solver import Solver
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import Failure, Job
@@ -194,7 +200,7 @@ class CaseCampaign:
             return replace(outcome, failure=ran)
         trajectory, wall_s = ran
         outcome = scored(replace(outcome, trajectory=trajectory), expected)
-        if outcome.score is None or outcome.score.verdict != RIGHT or not options.timed:
+        if outcome.score is None or outcome.score.verdict.word != "right" or not options.timed:
             return replace(outcome, samples=(wall_s,) if trajectory.status not in ("timeout", "failed") else ())
         seconds = jobs.SPARE_SECONDS + 4.0 * (jobs.BUDGET + wall_s * (options.repeats or 3))
         samples = yield Job(jobs.time_repeats, (wall_s, options.repeats, cold), seconds, rests=True)

@@ -23,9 +23,6 @@ from henon_ref.modes.problem import Problem
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Kind, Status, Trajectory, Transition
 
-ENDS: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")
-"""Statuses that a run may return."""
-KINDS: tuple[Kind, ...] = get_args(Kind)
 Word = TypeVar("Word", bound=str)
 
 
@@ -54,11 +51,12 @@ def check_trajectory(returned: object, problem: Problem, *, most: int) -> Trajec
         raise ContractError(f"the solver returned {_typed(returned)}, wanted a Trajectory")
     counts: object = returned.counts
     states, surfaces = len(problem.system.states), len(problem.system.surfaces)
+    ends: tuple[Status, ...] = ("ok", "diverged", "nonunique", "invalid", "timeout", "failed")
     try:
         if not isinstance(counts, Counts):
             raise _Wrong("counts", counts, "a Counts")
         checked = Trajectory(
-            status=_word("status", returned.status, ENDS),
+            status=_word("status", returned.status, ends),
             transitions=_transitions(returned.transitions, problem, most),
             end_time=_time("end_time", returned.end_time),
             end_state=_state("end_state", returned.end_state, states),
@@ -164,7 +162,7 @@ def _transitions(found: object, problem: Problem, most: int) -> tuple[Transition
 def _transition(event: object, states: int, surfaces: int) -> Transition:
     if not isinstance(event, Transition):
         raise _Wrong("", event, "a Transition")
-    kind = _word("kind", event.kind, KINDS)
+    kind = _word("kind", event.kind, get_args(Kind))
     surface = _whole("surface", event.surface)
     if not 0 <= surface < surfaces:
         raise _Wrong("surface", surface, f"the index of one of {surfaces} surfaces")

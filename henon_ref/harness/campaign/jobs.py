@@ -45,8 +45,6 @@ SPARE_SECONDS = 5.0
 MOST_FOLD, MOST_SPARE = 10, 100_000
 """Largest number of returned transitions: this multiple of the exact number, plus this allowance. The limit bounds the
 time of scoring, which takes place in the caller's process."""
-MOST_SHOWN = 40
-"""Largest number of transitions in a figure of the motion; more would overlap."""
 
 
 def fetch_truth(state: WorkerState, case: Case, reading: Reading) -> Truth:
@@ -129,11 +127,11 @@ def sample(
 def sample_times(start: float, after: float, until: float, transitions: Sequence[float]) -> tuple[float, ...]:
     """Return the sample times of the figures [s]: a uniform grid on the measured window, which begins at ``after``.
 
-    If the window has more than ``MOST_SHOWN`` of the exact ``transitions`` (times [s]), the grid covers only its end
-    with the last ``MOST_SHOWN``.
+    If the window has more than 40 of the exact ``transitions`` (times [s]), which would overlap, the grid covers only
+    its end with the last 40.
     """
     begin = max(start, after) if after < until else start
     inside = [time for time in transitions if begin <= time <= until]
-    if len(inside) > MOST_SHOWN:
-        begin = inside[-MOST_SHOWN]
+    if len(inside) > 40:
+        begin = inside[-40]
     return tuple(np.linspace(begin, until, 1201).tolist())

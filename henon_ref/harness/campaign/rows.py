@@ -10,10 +10,17 @@ from henon_ref.harness.campaign.causes import cause_of
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.timing import summarise
 from henon_ref.harness.rows import REPEATED, UNJUDGED, RunRow, StickRow, TransitionRow
-from henon_ref.harness.score.errors import Score, published_partners, score
 from henon_ref.harness.score.matching import Matching
 from henon_ref.harness.score.reference import Expected
-from henon_ref.harness.score.verdict import granted_error, graze_distance, missed_verdict, spurious_verdict
+from henon_ref.harness.score.scoring import (
+    Score,
+    granted_error,
+    graze_distance,
+    missed_verdict,
+    published_partners,
+    score,
+    spurious_verdict,
+)
 from henon_ref.modes.mode import mode_text
 from henon_ref.text import short_line
 from henon_ref.trajectory import Counts, Event, Stick, Trajectory, sticks

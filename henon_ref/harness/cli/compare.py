@@ -10,9 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from henon_ref.commands import status_line
+from henon_ref.commands import FLAG, Cases, application, examples, path_of, status_line
 from henon_ref.commands.exit_status import DONE, command_of, writing_into
-from henon_ref.commands.typer_app import FLAG, Cases, application, examples, path_of
 from henon_ref.text import listed
 from henon_ref.workers import ONE_THREAD
 

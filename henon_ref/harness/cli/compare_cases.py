@@ -19,26 +19,22 @@ from henon_ref.commands.exit_status import DONE, NOT_MET, say
 from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.campaign import compare_all
-from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.journal import FILE, read
-from henon_ref.harness.campaign.options import Options, check_required, check_solvers
+from henon_ref.harness.campaign.options import Options, check_required, check_solvers, load_cases
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
 from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import KINDS, figure_job, file_name
-from henon_ref.harness.report.text.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.rows import UNJUDGED, RunRow
 from henon_ref.harness.score.gate import bounds_of, demand, gate
 from henon_ref.harness.score.ranking import at_fault, standings, standings_table, tightest
 from henon_ref.harness.table import count
 from henon_ref.text import listed, message
-
-MOST_FAILING = 24
-"""Largest number of lines on runs that are not right; the JSON document and the reports list all of them."""
 
 
 def run(
@@ -165,10 +161,11 @@ def print_end(rows: Sequence[RunRow], *, readings: int) -> None:
             "median time, and geometric mean of its time relative to the fastest solver (times as long)."
         )
     found = failing(rows)
-    for own in found[:MOST_FAILING]:
+    most = 24  # the JSON document and the reports list all
+    for own in found[:most]:
         print(failing_line(own))
-    if len(found) > MOST_FAILING:
-        print(f"and {len(found) - MOST_FAILING} more, see the reports")
+    if len(found) > most:
+        print(f"and {len(found) - most} more, see the reports")
     absent = {row.solver for row in rows if row.status == "unavailable"}
     if missing := sorted(set(map(registry.missing_package, absent)) - {""}):
         print(f"to install missing packages: {shlex.join(['pip', 'install', *missing])}")

@@ -9,11 +9,11 @@ from pathlib import Path
 import sympy as sp
 
 from henon_ref.casefile.case import Case, Reading
+from henon_ref.commands import Cases, application, examples
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.typer_app import Cases, application, examples
 from henon_ref.errors import ModelError
 from henon_ref.expressions.traversal import is_longer
-from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.options import load_cases
 from henon_ref.harness.table import count
 from henon_ref.modes.latex import MOST_IN_ALL, MOST_IN_CELL, MOST_MODES, TOO_LONG
 from henon_ref.modes.mode import Mode, mode_text

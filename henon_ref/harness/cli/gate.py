@@ -18,13 +18,12 @@ from typing import Annotated
 import typer
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.commands import application, examples, path_of
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
-from henon_ref.commands.typer_app import application, examples, path_of
 from henon_ref.errors import CaseError
 from henon_ref.harness.cli.compare import names
 from henon_ref.harness.report.folder import MANIFEST, RUNS
-from henon_ref.harness.report.manifest import read_bounds
-from henon_ref.harness.report.text.gate import (
+from henon_ref.harness.report.gate import (
     bounds_left_out,
     demands_state,
     gate_state,
@@ -32,6 +31,7 @@ from henon_ref.harness.report.text.gate import (
     step_summary,
     why_unchecked,
 )
+from henon_ref.harness.report.manifest import read_bounds
 from henon_ref.harness.result_files import AnyRow, TableError, read_rows
 from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.gate import (

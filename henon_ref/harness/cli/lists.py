@@ -9,8 +9,8 @@ from typing import Annotated, NamedTuple
 import typer
 
 from henon_ref.casefile.files import located, read_yaml, shipped_folder, yaml_files
+from henon_ref.commands import application, examples
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError, UnavailableError
 from henon_ref.expressions.grammar import NOT_STATES, may_have_kinks
 from henon_ref.harness.table import Table
@@ -144,7 +144,7 @@ def _may_hold_kink(node: Node) -> bool:
 def solvers() -> int:
     # A worker loads each third-party solver first, since its module may hang or crash.
     from henon_ref.harness import registry
-    from henon_ref.harness.campaign.case_files import fixed_step
+    from henon_ref.harness.campaign.options import fixed_step
 
     default = registry.default_names()
     rows = [

@@ -15,8 +15,10 @@ from typing import Annotated, Any
 
 import typer
 
+from henon_ref.commands import FLAG, examples, sweep
 from henon_ref.commands.exit_status import exit_status, parsed
-from henon_ref.commands.typer_app import FLAG, examples
+
+sweep_app = sweep.app
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,15 @@ SUBCOMMANDS = {
     "compare": Subcommand("compare:program", "Run solvers on cases, score them against the truth, and write reports."),
     "explain": Subcommand("explain_cases:command", "Explain case files without a run."),
     "gate": Subcommand("gate:command", "Check reports against their cases' gates, and against an earlier comparison."),
-    "check": Subcommand("check:command", "Check stored reports against a fresh comparison."),
+    "check": Subcommand("stored:check_command", "Check stored reports against a fresh comparison."),
     "demo": Subcommand("commands.simulate:demo_command", "Draw a stick-slip orbit with its transitions."),
     "simulate": Subcommand("commands.simulate:command", "Simulate one case; print its transitions, and draw the run."),
-    "sweep": Subcommand("sweep:program", "Run one system at many points, and observe each run."),
+    "sweep": Subcommand("main:sweep_program", "Run one system at many points, and observe each run."),
     "cases": Subcommand("lists:cases_command", "List cases: names, sizes, titles, and tags."),
     "solvers": Subcommand("lists:solvers_command", "List solvers: versions, properties, and why one is unavailable."),
     "schema": Subcommand("lists:schema_command", "Print the JSON Schema of a case file."),
     "new-solver": Subcommand("new_solver:command", "Write a template package for a solver of your own."),
-    "truth": Subcommand("truth:command", "Compute truths, compare them with the stored ones, and store them."),
+    "truth": Subcommand("stored:truth_command", "Compute truths, compare them with the stored ones, and store them."),
     "study": Subcommand("study:command", "Run a study: price, paired-times, atlas, restarts, causes or paper."),
 }
 """Name -> subcommand, in the order of the help."""
@@ -70,6 +72,13 @@ def program(arguments: Sequence[str] | None = None) -> int:
     if words and words[0] in SUBCOMMANDS:
         return SUBCOMMANDS[words[0]].run(words[1:])
     return exit_status(lambda: int(parsed(application(), words or ["--help"])), name="main", arguments=words)
+
+
+def sweep_program(arguments: Sequence[str] | None = None) -> int:
+    """Run the command ``sweep``, which then also locks the folder of the results and writes the page of the folder."""
+    from henon_ref.harness.report.sweep import written
+
+    return sweep.program(arguments, around=written)
 
 
 def application() -> typer.Typer:

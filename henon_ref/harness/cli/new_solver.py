@@ -15,8 +15,8 @@ from typing import Annotated
 import typer
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from henon_ref.commands import application, examples
 from henon_ref.commands.exit_status import DONE, command_of
-from henon_ref.commands.typer_app import application, examples
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.text import message, shortened

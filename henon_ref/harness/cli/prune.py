@@ -16,9 +16,9 @@ from typing import Annotated
 import typer
 
 from henon_ref.atomic_write import replace_file
+from henon_ref.commands import application
 from henon_ref.commands.exit_status import DONE, command_of, say
-from henon_ref.commands.typer_app import application
-from henon_ref.harness.campaign.case_files import load_cases
+from henon_ref.harness.campaign.options import load_cases
 from henon_ref.harness.report.folder import (
     INDEX,
     MANIFEST,

@@ -9,9 +9,8 @@ from typing import Annotated
 
 import typer
 
-from henon_ref.commands import status_line
+from henon_ref.commands import FLAG, application, examples, status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.commands.typer_app import FLAG, application, examples
 from henon_ref.harness.cli.compare import KEPT, names
 from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 
@@ -61,8 +60,7 @@ def main(
 ) -> int:
     """Run a study, and write its page into a folder of the study."""
     from henon_ref.harness import registry
-    from henon_ref.harness.campaign.case_files import load_cases
-    from henon_ref.harness.campaign.options import Options
+    from henon_ref.harness.campaign.options import Options, load_cases
     from henon_ref.harness.campaign.progress import ProgressLine
     from henon_ref.harness.cli.compare_cases import discard
     from henon_ref.harness.report.folder import check_writable, locked

@@ -16,13 +16,13 @@ from henon_ref.casefile.case import DEFAULT_READING
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import MOST_DRAWN
 from henon_ref.harness.report import folder as names
+from henon_ref.harness.report import tables, truth
 from henon_ref.harness.report.folder import locked, own_files, without_dead_links
+from henon_ref.harness.report.gate import gate_table
 from henon_ref.harness.report.manifest import Provenance, manifest_text
+from henon_ref.harness.report.model import model_text, parameters
 from henon_ref.harness.report.rendering import environment, packed
 from henon_ref.harness.report.svg import KINDS, file_name, motion_in
-from henon_ref.harness.report.text import tables, truth
-from henon_ref.harness.report.text.gate import gate_table
-from henon_ref.harness.report.text.model import model_text, parameters
 from henon_ref.harness.result_files import csv_text, rows_text
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 from henon_ref.harness.score.ranking import over_all

@@ -15,6 +15,7 @@ from henon_ref.atomic_write import replace_file
 from henon_ref.baselines.causes import CAUSES
 from henon_ref.errors import CaseError
 from henon_ref.grouping import grouped
+from henon_ref.harness.report import choice
 from henon_ref.harness.report.folder import (
     CASE_FILE,
     INDEX,
@@ -27,9 +28,7 @@ from henon_ref.harness.report.folder import (
     read_json,
     without_dead_links,
 )
-from henon_ref.harness.report.rendering import environment, read_embedded, rendered, rounded, solver_lines
-from henon_ref.harness.report.text import choice
-from henon_ref.harness.report.text.matrix import (
+from henon_ref.harness.report.matrix import (
     MatrixRow,
     commits_of,
     merged,
@@ -37,6 +36,7 @@ from henon_ref.harness.report.text.matrix import (
     solvers_of,
     wall_column,
 )
+from henon_ref.harness.report.rendering import environment, read_embedded, rendered, rounded, solver_lines
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.ranking import LEVELS, by_solver, floor, readings_of

@@ -66,7 +66,6 @@ UNIT = 0.01
 """Resolution of coordinates [pt], about a hundredth of a pixel."""
 BEND = 0.03
 """Largest distance of a simplified curve from the original [pt], a twentieth of the width of a thin line."""
-_STYLE = re.compile(rb' style="([^"]*)"')
 
 
 def shortened(content: bytes) -> bytes:
@@ -121,13 +120,14 @@ def _without_repeated_styles(content: bytes) -> bytes:
         return found[1] + (b' style="' + b"; ".join(own) + b'"/>' if own else b"/>")
 
     content = re.sub(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>', fewer, content)
-    styles = _STYLE.findall(content)
+    attribute = re.compile(rb' style="([^"]*)"')
+    styles = attribute.findall(content)
     names = {style: b"c%d" % k for k, style in enumerate(dict.fromkeys(s for s in styles if styles.count(s) > 1))}
     rules = b"".join(b".%s{%s}" % (name, style) for style, name in names.items())
     if b"</style>" not in content:
         return content
     content = content.replace(b"</style>", rules + b"</style>", 1)
-    return _STYLE.sub(lambda own: b' class="%s"' % names[own[1]] if own[1] in names else own[0], content)
+    return attribute.sub(lambda own: b' class="%s"' % names[own[1]] if own[1] in names else own[0], content)
 
 
 def _units(text: bytes) -> int:

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 BAND = 128
 """Largest number of the run's transitions, the nearest in time, that a reference transition may be paired with."""
-TIE = 1e-7
-"""Weight of a time difference at its bound, relative to one edit; small enough that edits are minimised first."""
 _UP, _LEFT, _DIAGONAL = 0, 1, 2
 
 
@@ -96,7 +94,8 @@ def _fill(
         above = before[np.minimum(np.arange(start, stop + 1) - edge_low, before.size - 1)]
         slips = np.abs(ref.times[i] - run.times[start:stop])
         allowed = _allowed(ref.keys[i], run.keys[start:stop].T, slips, bound[i])
-        gain = np.where(allowed, 1.0 - TIE * slips / max(bound[i], np.finfo(float).tiny), -np.inf)
+        # The weight of a time difference at its bound is small enough that edits are minimised first.
+        gain = np.where(allowed, 1.0 - 1e-7 * slips / max(bound[i], np.finfo(float).tiny), -np.inf)
         diagonal = above[:-1] + gain
         best = np.maximum(above[1:], diagonal)
         row = np.maximum.accumulate(np.concatenate([above[:1], best]))

@@ -14,10 +14,6 @@ from henon_ref.harness.score.reference import HALF_ULP
 from henon_ref.text import did_you_mean, listed, shortened
 from henon_ref.trajectory import Status
 
-LOST = 0.5
-"""Digits of time accuracy that a row may lose."""
-STATUSES: tuple[str, ...] = get_args(Status)
-
 
 @dataclass(frozen=True)
 class Bounds:
@@ -172,9 +168,10 @@ def _change(before: RunRow, now: RunRow) -> str:
         return ""
     least = max(_floor(before), _floor(now))
     fewer = math.log10(max(now_is, least) / max(was, least))
-    if fewer <= LOST:
+    allowed = 0.5
+    if fewer <= allowed:
         return ""
-    return f"worst time error was {was:.2g} s, is {now_is:.2g} s: {fewer:.2f} digits fewer, {LOST:g} are allowed"
+    return f"worst time error was {was:.2g} s, is {now_is:.2g} s: {fewer:.2f} digits fewer, {allowed:g} are allowed"
 
 
 def _rank(row: RunRow) -> int:
@@ -242,9 +239,10 @@ class KnownFailure(Row):
 
 def check_status(status: str) -> None:
     """Check that a text is a status of a row; raise ValueError if it is not."""
-    if status not in STATUSES:
-        hint = did_you_mean(status, STATUSES)
-        raise ValueError(f"{shortened(status)} is no status; there are {listed(STATUSES)}{hint}")
+    statuses: tuple[str, ...] = get_args(Status)
+    if status not in statuses:
+        hint = did_you_mean(status, statuses)
+        raise ValueError(f"{shortened(status)} is no status; there are {listed(statuses)}{hint}")
 
 
 RowKind = Literal["passed", "failure", "error", "skipped", "known"]

@@ -18,7 +18,7 @@ from henon_ref.casefile.case import Case, Reading
 from henon_ref.figures import style
 from henon_ref.figures.style import describe
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.case_files import fixed_step
+from henon_ref.harness.campaign.options import fixed_step
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import NOT_RUN, RunRow, number
@@ -39,8 +39,6 @@ KINDS = {
     "grazing": "distance from the graze, in units of the surface",
 }
 """Tags of the families in the atlas, with the meaning of their parameter; the first matching tag counts."""
-BLAME = ("ill-conditioned", "solver defect")
-
 Outcome = Literal["right", "missed", "spurious", "both", "status", "failed"]
 OUTCOMES: dict[Outcome, tuple[str, str]] = {
     "right": ("right", "#CFE3F3"),
@@ -141,14 +139,15 @@ def solvers_of(rows: Sequence[RunRow]) -> list[str]:
 
 
 def count_table(rows: Sequence[RunRow]) -> Table:
-    """Table of the number of runs of each solver by outcome and by the cause of errors (:data:`BLAME`)."""
+    """Table of the number of runs of each solver by outcome and by the cause of errors."""
+    blame = ("ill-conditioned", "solver defect")
     lines = []
     for solver in solvers_of(rows):
         own = [row for row in rows if row.solver == solver and outcome_of(row) is not None]
         tally: Counter[str | None] = Counter(outcome_of(row) for row in own)
-        tally.update(row.verdict for row in own if row.verdict in BLAME)
-        lines.append((code(solver), f"{len(own)}", *(f"{tally[word] or ''}" for word in (*OUTCOMES, *BLAME))))
-    headings = ("solver", "runs", *(label for label, _ in OUTCOMES.values()), *BLAME)
+        tally.update(row.verdict for row in own if row.verdict in blame)
+        lines.append((code(solver), f"{len(own)}", *(f"{tally[word] or ''}" for word in (*OUTCOMES, *blame))))
+    headings = ("solver", "runs", *(label for label, _ in OUTCOMES.values()), *blame)
     return Table(headings, "lr", lines)
 
 

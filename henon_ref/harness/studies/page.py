@@ -1,4 +1,7 @@
-"""Functions that studies share: problems, runs of cases, new interpreters, fitted powers, figures and pages."""
+"""Functions that studies share: problems, runs of cases, new interpreters, fitted powers, figures and pages.
+
+The study of causes is here, too, since it is only a page: the check of each cause is run while the page is written.
+"""
 
 from __future__ import annotations
 
@@ -21,18 +24,23 @@ from henon_ref.harness.campaign.campaign import compare_all
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
+from henon_ref.harness.registry import program_versions
 from henon_ref.harness.report.folder import INDEX, REPORT
 from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import svg
 from henon_ref.harness.rows import RunRow
+from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.jit.cache_folder import VARIABLE
 from henon_ref.modes.problem import Problem
 from henon_ref.text import markdown
 from henon_ref.trajectory import Trajectory
+from henon_ref.workers.machine import library_versions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from henon_ref.baselines.causes import Cause
 
 T = TypeVar("T")
 
@@ -139,3 +147,27 @@ def write(
     text = environment().get_template(f"{template}.md.j2").render(context)
     replace_file(folder / INDEX, text.strip().encode() + b"\n")
     return folder / INDEX
+
+
+def run_causes(request: StudyRequest) -> StudyResult:
+    """Run the check of every cause and write the results."""
+    from henon_ref.baselines.causes import CAUSES  # sets environment variables of libraries, which affect other studies
+
+    versions = library_versions(tuple(cause.package for cause in CAUSES.values())) | program_versions()
+    shown = [
+        {"cause": cause, "version": versions[cause.package], "seen": _seen(cause, versions[cause.package])}
+        for cause in CAUSES.values()
+    ]
+    return StudyResult(write(request.folder, "causes", {"causes": shown}))
+
+
+def _seen(cause: Cause, version: str) -> str:
+    """Result of the check, or a note that the library is not installed or does not behave as claimed."""
+    from henon_ref.baselines.causes import ClaimError
+
+    if not version:
+        return "not installed here: not checked"
+    try:
+        return cause.check()
+    except ClaimError as error:
+        return f"**not as claimed with this version**: {error}"

@@ -39,8 +39,6 @@ FEWEST, MOST = 9, 200
 """Bounds of the number of runs of each setting."""
 TURN = 1e-3
 """A short run is repeated for this time in its turn [s]."""
-PREPARE_SECONDS = 300.0
-"""Processor time that the preparation of all settings may take [s]; compiled callbacks take some seconds each."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -218,7 +216,8 @@ class PairedTiming:
 
     @property
     def seconds(self) -> float:
-        return PREPARE_SECONDS + 10.0 * (self.rounds + 1) * self.round_s
+        # The preparation of all settings may take 300 s; compiled callbacks take some seconds each.
+        return 300.0 + 10.0 * (self.rounds + 1) * self.round_s
 
     def run(self, state: WorkerState) -> list[TimedPair]:
         runs = {key: self._prepared(row, registry.solver(row.solver)) for key, row in self.candidates.items()}

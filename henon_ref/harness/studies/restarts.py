@@ -16,8 +16,8 @@ from henon_ref.harness import registry
 from henon_ref.harness.report.folder import RUNS
 from henon_ref.harness.result_files import earlier_rows, rows_text
 from henon_ref.harness.rows import NOT_RUN, Row, RunRow
-from henon_ref.harness.score.errors import EARLY
 from henon_ref.harness.score.ranking import LEVELS
+from henon_ref.harness.score.scoring import EARLY
 from henon_ref.harness.studies.page import report_link, rows_of, write
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration

@@ -95,7 +95,7 @@ STUDIES = {
         ("cases", "solvers", "timeout", "jobs", "resume"),
         nothing="no library to restart, or no reading with a stored truth", every_run=("runs.csv",),
     ),
-    "causes": Study("causes", "causes:run_causes", "Causes of failures, each shown by a run of the library alone."),
+    "causes": Study("causes", "page:run_causes", "Causes of failures, each shown by a run of the library alone."),
     "paper": Study("paper", "paper.page:run_paper", "Every number and equation of the paper, computed again."),
 }  # fmt: skip
 """Studies by name."""

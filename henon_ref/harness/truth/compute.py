@@ -22,7 +22,14 @@ from flint import arb
 
 from henon_ref.enclosure.balls import enclose
 from henon_ref.harness.truth import store
-from henon_ref.harness.truth.reference import OUT_OF_TIME, ReferenceTransition, Route, Truth, TruthError
+from henon_ref.harness.truth.reference import (
+    CLOSED_FORM_BITS,
+    OUT_OF_TIME,
+    ReferenceTransition,
+    Route,
+    Truth,
+    TruthError,
+)
 from henon_ref.modes.kinks import visible
 from henon_ref.precision import working_precision
 
@@ -149,7 +156,7 @@ def claimed(stored: Truth, reading: Reading) -> bool:
         _check_end(reading, stored)
     except TruthError:
         return False
-    with working_precision(320):  # as a closed form is computed
+    with working_precision(CLOSED_FORM_BITS):
         return all(abs(enclose(time) - arb(t.time_digits)) <= t.radius for time, t in zip(times, known, strict=True))
 
 
@@ -180,8 +187,8 @@ def compute(
     """
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
     from henon_ref.harness.truth.conditioning import conditioning
-    from henon_ref.harness.truth.multiprecision.numbers import with_short_state
     from henon_ref.harness.truth.proofs import prove, with_closed_forms
+    from henon_ref.harness.truth.reference import with_short_state
 
     problem, seconds, computed = reading.problem, proof_seconds, None
     if heyoka_installed():

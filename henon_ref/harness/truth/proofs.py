@@ -16,16 +16,20 @@ from flint import arb
 
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import Ended, Progress, certify
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, in_digits, written_radius
-from henon_ref.harness.truth.reference import ReferenceTransition, Route, TruthError
+from henon_ref.harness.truth.reference import (
+    CLOSED_FORM_BITS,
+    GUARD_BITS,
+    ReferenceTransition,
+    Route,
+    TruthError,
+    ball_text,
+    in_digits,
+    written_radius,
+)
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.trajectory import Status
-
-CLOSED_FORM_BITS, CLOSED_FORM_PLACES = 320, 80
-"""Working precision of a closed form, more than the truth's 256 bits, so that its rounding does not matter; decimal
-places of a closed form in a truth."""
 
 _STATUS: dict[Ended, Status] = {"horizon": "ok", "invalid": "invalid", "nonunique": "nonunique", "none": "failed"}
 """Status of a run whose end is proven."""
@@ -84,7 +88,7 @@ def with_closed_forms(
                     f"transition {index}: the closed form gives {ball.str(25, radius=False)}, computed is "
                     f"{found.time_digits[:27]} with radius {found.radius:g}: they differ by {float(apart):.3g} s"
                 )
-        radius = 10.0**-CLOSED_FORM_PLACES
+        radius = 10.0**-80
         exact = tuple(
             replace(found, time_digits=ball_text(ball, radius), radius=radius, closed_form=True)
             for ball, found in zip(balls, transitions, strict=False)

@@ -16,8 +16,6 @@ from flint import arb, arb_poly
 
 END = 1 + 2.0**-40
 """End of the search, slightly after the step, where its polynomial still holds: finds a root at the step's end."""
-SPLIT = 0.5078125
-"""Split point of a piece, as a part of it; not 0.5, so that a root at a simple fraction of a step is on no boundary."""
 
 
 @dataclass(frozen=True)
@@ -75,9 +73,10 @@ class _Search:
             if order < len(c):
                 self._cluster(a, b, order)
         else:
-            middle, right = a + (b - a) * arb(SPLIT), 1 - SPLIT
+            split = 0.5078125  # not 0.5, so that a root at a simple fraction of a step is on no boundary
+            middle, right = a + (b - a) * arb(split), 1 - split
             short = arb_poly(c)
-            self.piece(a, middle.mid(), short(arb_poly([SPLIT - 1, SPLIT])))
+            self.piece(a, middle.mid(), short(arb_poly([split - 1, split])))
             self.piece(middle.mid(), b, short(arb_poly([1 - right, right])))
 
     def _shortened(self, local: arb_poly) -> list[arb]:

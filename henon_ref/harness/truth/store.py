@@ -23,7 +23,6 @@ from henon_ref.harness.truth.reference import NearGraze, ReferenceTransition, Tr
 from henon_ref.trajectory import Kind
 
 _PACKAGE = Path(__file__).resolve().parents[2]
-_CHECKSUM = re.compile(r'(?<=\n "checksum": ")[0-9a-f]{64}(?="\n\}\n\Z)')
 
 Digits = Annotated[str, Field(pattern=r"^-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]{1,3})?$")]
 """A number in decimal digits."""
@@ -257,7 +256,7 @@ def dumps(truth: Truth) -> str:
 
 def _checked(text: str) -> str:
     """Insert the checksum into the text of a stored truth: SHA-256 of the text without the checksum."""
-    found = _CHECKSUM.search(text)
+    found = re.search(r'(?<=\n "checksum": ")[0-9a-f]{64}(?="\n\}\n\Z)', text)
     if found is None:
         return ""
     before, after = text[: found.start()], text[found.end() :]

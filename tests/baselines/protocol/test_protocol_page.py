@@ -16,7 +16,7 @@ import henon_ref
 from henon_ref.baselines.protocol import messages
 from henon_ref.baselines.protocol.program import ProgramRun, ProgramSolver, read_response
 from henon_ref.harness.campaign.comparison import expected_of
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.compute import stored_truth
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -14,7 +14,7 @@ from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.workers.worker import Failure
 
 EVIL = "<script>alert(1)</script><img src=x> $x$ \\(y\\) \x1b[31mred \u202eback"

@@ -17,8 +17,7 @@ from fakes import CASE, Fake
 from henon_ref.casefile.files import case_files
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.case_files import load_cases
-from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.options import Options, load_cases
 from henon_ref.harness.cli.compare_cases import rerun_command
 from henon_ref.harness.rows import RunRow, StickRow, TransitionRow
 

@@ -18,8 +18,7 @@ import pytest
 
 from henon_ref.commands import exit_status
 from henon_ref.errors import CaseError
-from henon_ref.harness.cli import check, compare_cases
-from henon_ref.harness.cli import truth as truth_command
+from henon_ref.harness.cli import compare_cases, stored
 from henon_ref.harness.report import folder
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork")
@@ -42,10 +41,10 @@ def logs(monkeypatch, tmp_path_factory) -> Path:
 
 
 COMMANDS = {
-    "compare": (importlib.import_module("henon_ref.harness.cli.compare"), compare_cases, "load_cases"),
-    "truth": (truth_command, truth_command, "load_cases"),
-    "study": (importlib.import_module("henon_ref.harness.cli.study"), folder, "check_writable"),
-    "check": (check, check, "load_cases"),
+    "compare": (importlib.import_module("henon_ref.harness.cli.compare").command, compare_cases, "load_cases"),
+    "truth": (stored.truth_command, stored, "load_cases"),
+    "study": (importlib.import_module("henon_ref.harness.cli.study").command, folder, "check_writable"),
+    "check": (stored.check_command, stored, "load_cases"),
 }
 
 
@@ -57,7 +56,7 @@ def test_what_nobody_foresaw_is_status_3_and_one_message_with_the_path_of_a_log(
     monkeypatch.setattr(place, function, broken)
     arguments = ["paper"] if name == "study" else ["some case.yaml"]
     monkeypatch.chdir(tmp_path)
-    assert program.command(arguments) == 3
+    assert program(arguments) == 3
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: unforeseen: KeyError: ")
     log = Path(re.search(r"the log is (\S+)$", line)[1])
@@ -78,7 +77,7 @@ def test_an_error_that_typer_takes_for_an_end_of_the_user_s_input_or_output_is_r
         raise error
 
     monkeypatch.setattr(compare_cases, "load_cases", raised)
-    assert COMMANDS["compare"][0].command(["some case.yaml"]) == 3
+    assert COMMANDS["compare"][0](["some case.yaml"]) == 3
     assert capsys.readouterr().err.strip().startswith(f"error: unforeseen: {type(error).__name__}: ")
     (log,) = logs.iterdir()
     assert "in raised" in log.read_text()

@@ -12,7 +12,7 @@ from fakes import CASE
 
 from henon_ref.harness.cli.prune import command
 from henon_ref.harness.report.folder import dead_links
-from henon_ref.harness.report.text.matrix import read_matrix
+from henon_ref.harness.report.matrix import read_matrix
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="made-up solvers reach workers by fork"),

@@ -15,12 +15,12 @@ import pandas as pd
 import pytest
 from sweep_systems import SWEEP, parquet_files
 
-from henon_ref.harness.cli.sweep import program
+from henon_ref.harness.cli.main import sweep_program as program
 
 MANY = SWEEP.replace("chunk: 4", "chunk: 1")
 INTERRUPTED = """
 import os, signal, sys
-from henon_ref.harness.cli.sweep import program
+from henon_ref.harness.cli.main import sweep_program as program
 from henon_ref.sweeps.storage import SweepFolder
 
 write, written = SweepFolder.write, []

@@ -15,7 +15,7 @@ from problems import LEAVING_SLIDE as TEXT
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.cli import compare as compare_command
-from henon_ref.harness.cli.truth import command
+from henon_ref.harness.cli.stored import truth_command as command
 from henon_ref.harness.truth import compute, store
 from henon_ref.harness.truth.reference import Truth
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from html_pages import MOST_BYTES as MOST_BYTES_OF_A_PAGE
 
-from henon_ref.harness.cli.check import page_differences
+from henon_ref.harness.cli.stored import page_differences
 from henon_ref.harness.report.folder import INDEX, MANIFEST, PAGE, RUNS, dead_links
 from henon_ref.harness.report.folder_report import index_text
-from henon_ref.harness.report.text.matrix import read_matrix, rows_of_report
+from henon_ref.harness.report.matrix import read_matrix, rows_of_report
 from henon_ref.harness.rows import RunRow
 
 ROOT = Path(__file__).parents[3]

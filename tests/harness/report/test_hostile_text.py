@@ -24,7 +24,7 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.svg import svg
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.workers.worker import Failure
 
 EVIL = (

@@ -14,9 +14,9 @@ from made_reports import ORIGIN, cells, changed, compared, made, tables, usual
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign.comparison import Comparison
 from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.choice import case_table, choice_table, commits, coverage_sentence, frequency_table
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.text.choice import case_table, choice_table, commits, coverage_sentence, frequency_table
-from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix, rows_of_report, summary, updated
+from henon_ref.harness.report.matrix import MatrixRow, read_matrix, rows_of_report, summary, updated
 from henon_ref.harness.result_files import read_rows, rows_text
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.ranking import LEVELS

@@ -6,7 +6,7 @@ import re
 import unicodedata
 from xml.etree import ElementTree
 
-from henon_ref.harness.report.text.gate import MOST_ROWS, junit_xml, step_summary
+from henon_ref.harness.report.gate import MOST_ROWS, junit_xml, step_summary
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import row_result
 

@@ -26,7 +26,7 @@ from henon_ref.harness.cli import compare_cases, study
 from henon_ref.harness.report import case_report
 from henon_ref.harness.report.folder import check_index
 from henon_ref.harness.report.folder_report import index_text, write_folder_report
-from henon_ref.harness.report.text.matrix import MatrixRow, merged
+from henon_ref.harness.report.matrix import MatrixRow, merged
 from henon_ref.harness.result_files import csv_text, rows_text
 from henon_ref.harness.rows import RunRow
 

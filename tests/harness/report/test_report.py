@@ -27,12 +27,12 @@ from henon_ref.figures.motion import motion_of
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.cli import check
+from henon_ref.harness.cli.stored import differences
 from henon_ref.harness.report.case_report import report_text, write_report
+from henon_ref.harness.report.gate import gate_table, why_unchecked
+from henon_ref.harness.report.model import mode_equations, model_text
 from henon_ref.harness.report.svg import figure_job
-from henon_ref.harness.report.text.gate import gate_table, why_unchecked
-from henon_ref.harness.report.text.model import mode_equations, model_text
-from henon_ref.harness.report.text.tables import price_table, run_table
+from henon_ref.harness.report.tables import price_table, run_table
 from henon_ref.harness.result_files import csv_text, read_rows, rows_text
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.gate import Gate
@@ -267,7 +267,7 @@ def test_a_report_that_still_holds(stored):
     old, fresh = stored
     rewrite(fresh, lambda rows: [replace(row, wall_s=9.0, wall_s_iqr=1.0, compile_s=7.0) for row in rows])
     rewrite(fresh, first(max_time_error_s=2e-6))
-    assert check.differences(old, fresh) == []
+    assert differences(old, fresh) == []
 
 
 @pytest.mark.parametrize(
@@ -283,23 +283,23 @@ def test_a_report_that_still_holds(stored):
 def test_a_report_that_no_longer_holds(stored, change, words):
     old, fresh = stored
     rewrite(fresh, first(**change))
-    assert any(words in line for line in check.differences(old, fresh))
+    assert any(words in line for line in differences(old, fresh))
 
 
 def test_a_timeout_is_the_machine_s_doing(stored):
     old, fresh = stored
     rewrite(fresh, first(status="timeout", verdict="solver defect", matched=2))
-    assert check.differences(old, fresh) == []
+    assert differences(old, fresh) == []
 
 
 def test_rows_of_a_peer_are_checked_where_it_was_run(stored):
     old, fresh = stored
     rewrite(old, also(solver="nosnoc"))
-    assert check.differences(old, fresh) == []
+    assert differences(old, fresh) == []
     rewrite(fresh, also(solver="nosnoc", matched=4))
-    assert len(check.differences(old, fresh)) == 1
+    assert len(differences(old, fresh)) == 1
     rewrite(old, also(solver="scipy-radau"))
-    assert len(check.differences(old, fresh)) == 2
+    assert len(differences(old, fresh)) == 2
 
 
 def test_texts_and_files_are_checked_too(stored):
@@ -309,6 +309,6 @@ def test_texts_and_files_are_checked_too(stored):
     listed = json.loads((old / "manifest.json").read_text())["files"]
     (old / "sticks.csv").unlink()
     assert "sticks.csv" in listed
-    assert check.differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is missing"]
+    assert differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is missing"]
     shutil.rmtree(old)
-    assert check.differences(old, fresh) == [f"there is no report in {old}"]
+    assert differences(old, fresh) == [f"there is no report in {old}"]

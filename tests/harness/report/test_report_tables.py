@@ -15,8 +15,8 @@ from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.report.case_report import MANY, report_text
-from henon_ref.harness.report.text.tables import price_table, solver_table, stick_table
-from henon_ref.harness.report.text.truth import no_truth, printed_times_table, published_table, truth_table
+from henon_ref.harness.report.tables import price_table, solver_table, stick_table
+from henon_ref.harness.report.truth import no_truth, printed_times_table, published_table, truth_table
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.ranking import over_all
 from henon_ref.trajectory import Transition

@@ -16,9 +16,9 @@ from made_reports import ORIGIN, changed
 from test_reports_page import SHOWN
 
 from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.choice import choice_rows
 from henon_ref.harness.report.folder_report import write_folder_report
-from henon_ref.harness.report.text.choice import choice_rows
-from henon_ref.harness.report.text.matrix import read_matrix
+from henon_ref.harness.report.matrix import read_matrix
 from henon_ref.harness.score.ranking import LEVELS
 
 

@@ -22,8 +22,9 @@ from henon_ref.errors import CaseError
 from henon_ref.figures.motion import Motion
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import MOST_DRAWN
-from henon_ref.harness.cli.check import page_differences
+from henon_ref.harness.cli.stored import page_differences
 from henon_ref.harness.report.case_report import write_report
+from henon_ref.harness.report.choice import choice_rows, choice_table
 from henon_ref.harness.report.folder_report import (
     CELL,
     FIELDS,
@@ -33,6 +34,7 @@ from henon_ref.harness.report.folder_report import (
     run_values,
     write_folder_report,
 )
+from henon_ref.harness.report.matrix import MatrixRow, read_matrix
 from henon_ref.harness.report.rendering import (
     CELLS,
     MOST_POINTS,
@@ -45,8 +47,6 @@ from henon_ref.harness.report.rendering import (
     solver_lines,
 )
 from henon_ref.harness.report.rendering import packed as packed_portrait
-from henon_ref.harness.report.text.choice import choice_rows, choice_table
-from henon_ref.harness.report.text.matrix import MatrixRow, read_matrix
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 

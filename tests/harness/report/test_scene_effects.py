@@ -6,7 +6,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from henon_ref.casefile.case import load_case, parse_case
-from henon_ref.harness.report.text.model import MOST_ROWS, effect_table
+from henon_ref.harness.report.model import MOST_ROWS, effect_table
 from henon_ref.harness.table import Table
 
 CASES = Path(__file__).parents[3] / "cases"

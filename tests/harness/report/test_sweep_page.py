@@ -15,7 +15,7 @@ from html_pages import MOST_BYTES, SCHEMES, SIZES, opened, serious, sideways
 from sweep_systems import SWEEP, belt, sliding_block
 
 import henon_ref
-from henon_ref.harness.cli.sweep import program
+from henon_ref.harness.cli.main import sweep_program as program
 from henon_ref.harness.report import sweep_page
 from henon_ref.harness.report.rendering import read_embedded
 from henon_ref.harness.report.sweep_page import KEPT, frame_content, kept_points, read_table, rows_of, write_sweep_page

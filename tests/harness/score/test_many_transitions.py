@@ -14,9 +14,9 @@ from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import StickRow, TransitionRow
-from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.matching import match
 from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.score.scoring import score
 from henon_ref.trajectory import Transition
 
 MANY = 10_030

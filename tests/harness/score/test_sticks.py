@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from fakes import reference
 
-from henon_ref.harness.score.errors import published_partners
+from henon_ref.harness.score.scoring import published_partners
 from henon_ref.trajectory import sticks
 
 

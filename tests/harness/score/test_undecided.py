@@ -9,8 +9,8 @@ from fakes import case, expected, found, trajectory
 
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.score.errors import score
 from henon_ref.harness.score.gate import Bounds
+from henon_ref.harness.score.scoring import score
 
 
 @dataclass(frozen=True)

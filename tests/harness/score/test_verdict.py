@@ -9,8 +9,7 @@ from fakes import TIMES, case, expected, found, reference, trajectory
 
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.score.errors import score
-from henon_ref.harness.score.verdict import graze_distance
+from henon_ref.harness.score.scoring import graze_distance, score
 from henon_ref.trajectory import Transition
 from henon_ref.workers.worker import Failure
 

@@ -22,14 +22,22 @@ from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.report.text.model import mode_tape, operations
+from henon_ref.harness.report.model import mode_tape, operations
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies.page import fitted, in_fresh_process, shipped_problem
 from henon_ref.harness.studies.pairs import PairRow, TimedPair
 from henon_ref.harness.studies.price import ladder
+from henon_ref.harness.studies.price.accuracy import (
+    STICKS,
+    Horizon,
+    Landed,
+    crest_crossings,
+    horizons,
+    landing_table,
+    landings,
+)
 from henon_ref.harness.studies.price.chains import ManyContacts, Size, contact_table, many_contacts, sizes
-from henon_ref.harness.studies.price.growth import STICKS, Horizon, horizons
 from henon_ref.harness.studies.price.ladder import (
     ALONE,
     WHEN_NAMED,
@@ -43,7 +51,6 @@ from henon_ref.harness.studies.price.ladder import (
     time_ladder_pairs,
     why_not,
 )
-from henon_ref.harness.studies.price.landings import Landed, crest_crossings, landing_table, landings
 from henon_ref.harness.studies.price.operations import BODIES, Body, Work, additions, count, work
 from henon_ref.harness.studies.price.page import write_page
 from henon_ref.jit.cache_folder import VARIABLE

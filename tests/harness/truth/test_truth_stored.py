@@ -9,8 +9,7 @@ import pytest
 
 from henon_ref.casefile.case import load_case
 from henon_ref.harness.truth import compute, store
-from henon_ref.harness.truth.multiprecision.numbers import with_short_state
-from henon_ref.harness.truth.reference import Truth
+from henon_ref.harness.truth.reference import Truth, with_short_state
 
 CASES = Path(__file__).parents[3] / "cases"
 FILE = CASES / "fig8.yaml"

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-STEPS = tuple(1e-3 / 10 ** (k / 6) for k in range(13))
-"""Steps at which the listing as printed is drawn [s]."""
 ORDER_STEPS = tuple(0.03 / 1.3**k for k in range(20))
 """Steps over which orders are fitted [s]; their ratios are not integers, so that no grid contains another one."""
 ROUNDING = 1e-11
@@ -294,13 +292,14 @@ def _draw_added(ax: Axes) -> None:
 
 
 def _draw_over_step(ax: Axes) -> None:
-    runs = [run_variant(DEFECTS, step=step) for step in STEPS]
+    steps = [1e-3 / 10 ** (k / 6) for k in range(13)]
+    runs = [run_variant(DEFECTS, step=step) for step in steps]
     for (label, colour, marker, long), limit, printed in zip(KINDS, limit_sticks(), PUBLISHED_DURATIONS, strict=True):
         means = [own.mean() for own in _shifts(runs, long=long)]
-        ax.plot(STEPS, means, marker=marker, color=colour, lw=0.8, label=label)
+        ax.plot(steps, means, marker=marker, color=colour, lw=0.8, label=label)
         shift, above = 1e3 * (printed - limit.duration), 9 if long else -9
         ax.axhspan(shift - 0.05, shift + 0.05, color=style.GREY, alpha=0.35, lw=0)
-        ax.annotate(f"{printed} s", (STEPS[-1], shift), (0, above), textcoords="offset points", va="center")
+        ax.annotate(f"{printed} s", (steps[-1], shift), (0, above), textcoords="offset points", va="center")
     ax.axvline(PRINTED_STEP, color=style.GREY, lw=0.8, ls=":")
     ax.axhline(0, color=style.GREY, lw=0.8)
     ax.set(xscale="log", xlabel="$h$ [s]", ylabel="duration - limit [ms]", ylim=(-2.7, 2.7))

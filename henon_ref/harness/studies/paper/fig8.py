@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PUBLISHED_DURATIONS = (1.1746, 0.4161)
-PUBLISHED_LENGTHS = (0.4697, 0.1663)
 BELT, T = float(FIG8_VALUES[VP]), float(PERIOD)
 LATE = 34 * T + 2.8
 """Start of the two periods that are drawn [s], between two sticks of the limit's orbit."""
@@ -93,7 +92,7 @@ def section() -> Findings:
     printed = every[0], every[-1]
     durations, lengths = (
         all(abs(getattr(stick, name) - own) <= 0.5e-4 for stick, own in zip(printed, published, strict=True))
-        for name, published in (("duration", PUBLISHED_DURATIONS), ("length", PUBLISHED_LENGTHS))
+        for name, published in (("duration", PUBLISHED_DURATIONS), ("length", (0.4697, 0.1663)))
     )
     turns = sorted(t.state[0] for t in [t for t in listing if t.kind == "crossing"][-2:])
     long_starts = sorted(s.start for s in every if s.duration > 1)

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-BELT = float(FIG4_VALUES[VP])
 HORIZON = 60
 """Horizon of the fan's runs [s]."""
 
@@ -137,13 +136,14 @@ def draw_fig4(analysis: TangentAnalysis, motions: Sequence[Motion], period: floa
 
 
 def _mark_surface(ax: Axes, analysis: TangentAnalysis) -> None:
-    ax.axhline(BELT, color=style.GREY, lw=0.8, zorder=1)
+    belt = float(FIG4_VALUES[VP])
+    ax.axhline(belt, color=style.GREY, lw=0.8, zorder=1)
     for k, zone in enumerate(analysis.stick_zones()):
         ends, label = [float(zone.low), float(zone.high)], "stick zone" if k == 0 else None
-        ax.plot(ends, [BELT] * 2, color=style.STICK_SHADE, lw=9, solid_capstyle="butt", zorder=2, label=label)
+        ax.plot(ends, [belt] * 2, color=style.STICK_SHADE, lw=9, solid_capstyle="butt", zorder=2, label=label)
     ax.plot([], [], "s", ms=3, color=style.GREY, label="start")
     ax.plot([], [], color=style.BLACK, lw=2.4, label="stick")
     for kind, face in (("visible", style.BLACK), ("invisible", "white")):
         at = [float(p.position) for p in analysis.tangent_points() if p.visibility == kind]
         label = f"{kind} tangent point"
-        ax.plot(at, [BELT] * len(at), "o", ms=5, mfc=face, mec=style.BLACK, zorder=6, ls="", label=label)
+        ax.plot(at, [belt] * len(at), "o", ms=5, mfc=face, mec=style.BLACK, zorder=6, ls="", label=label)

@@ -104,12 +104,10 @@ def fig8_listing_limit() -> Problem:
     return shipped_problem("fig8", "listing_limit")
 
 
-_POSITIVE = {symbol: sp.Symbol(symbol.name, positive=True) for symbol in (M, K1, K2, MU0)}
-
-
 def same(one: sp.Expr, other: sp.Expr) -> bool:
     """Check whether two expressions are mathematically equal for positive masses, stiffnesses and friction."""
-    difference = sp.simplify((sp.sympify(one) - other).xreplace(_POSITIVE))
+    positive = {symbol: sp.Symbol(symbol.name, positive=True) for symbol in (M, K1, K2, MU0)}
+    difference = sp.simplify((sp.sympify(one) - other).xreplace(positive))
     # SymPy proves equalities of cosines of parts of pi by the minimal polynomial.
     return bool(difference == 0 or (not difference.free_symbols and difference.equals(0)))
 

@@ -28,15 +28,8 @@ from henon_ref.harness.table import Table, duration, significant
 from henon_ref.modes.problem import Problem
 from henon_ref.text import code
 
-LISTED = (
-    SECOND, "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",
-    "diffsol-bdf",
-)  # fmt: skip
-"""Rivals whose pairs the page shows for each reading; the file contains the pairs of all rivals."""
-SECONDS, FEWEST = 4.0, 3
-"""Time that the runs of a pair may take [s], and smallest number of rounds, so that slow runs have a median, too."""
-LADDER = tuple(10.0**-k for k in range(3, 16))
-"""Relative tolerances. If a library refuses a tolerance, the row has its message."""
+FEWEST = 3
+"""Smallest number of rounds of a pair, so that slow runs have a median, too."""
 TIMEOUT = 4.0
 """Time that one run may take [s]; a slower run is never the cheapest if another solver reaches the digits."""
 WHEN_NAMED = ("cvode-c-adams", "cvode-c-bdf", "octave-ode45")
@@ -102,17 +95,20 @@ def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
 def run_ladder(cases: Sequence[Case], options: Options, observer: ProgressLine) -> list[RunRow]:
     """Run the ladder on the cases' readings, except those for certain solvers only (Listing 1 as printed).
 
-    The ladder uses its own tolerances and deadline.
+    The ladder uses its own tolerances and deadline. If a library refuses a tolerance, the row has its message.
     """
-    changed = replace(options, tolerances=LADDER, timeout=TIMEOUT)
+    changed = replace(options, tolerances=tuple(10.0**-k for k in range(3, 16)), timeout=TIMEOUT)
     open_to_all = [replace(case, readings=tuple(r for r in case.readings if r.solvers is None)) for case in cases]
     return rows_of(open_to_all, changed, observer)
 
 
 def time_ladder_pairs(
-    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: ProgressLine, seconds: float = SECONDS
+    cases: Sequence[Case], rows: Sequence[RunRow], options: Options, observer: ProgressLine, seconds: float = 4.0
 ) -> tuple[list[TimedPair], list[str]]:
-    """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings."""
+    """Time the pairs on every reading that both solvers solve; return the rows, and sentences on failed timings.
+
+    ``seconds``: time that the runs of a pair may take [s].
+    """
     by_reading = readings_of(rows)
     rivals = [solver for solver in by_solver(rows) if solver != FIRST]
     timings = [
@@ -195,7 +191,12 @@ def own_times(pairs: Sequence[PairRow]) -> str:
 def rival_table(found: Sequence[PairRow]) -> Table:
     """Table of the rivals' times divided by ``henon``'s at equal digits, by reading, with heyoka's own calls."""
     ran = {row.rival for row in found}
-    listed = [rival for rival in LISTED if rival == SECOND or rival in ran]
+    # The file contains the pairs of all rivals.
+    shown = (
+        "cvode-c-adams", "cvode-adams", "scipy-dop853", "diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45",
+        "diffsol-bdf",
+    )  # fmt: skip
+    listed = [SECOND, *(rival for rival in shown if rival in ran)]
     columns = [SECOND, ALONE, *listed[1:]]
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for row in found:

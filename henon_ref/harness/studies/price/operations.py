@@ -10,7 +10,7 @@ import sympy as sp
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.harness.campaign.timing import interleaved
-from henon_ref.harness.report.text.model import mode_tape, operations
+from henon_ref.harness.report.model import mode_tape, operations
 from henon_ref.harness.rows import Row
 from henon_ref.harness.table import Table
 from henon_ref.integrator.integrator import local_error, order_for
@@ -26,8 +26,6 @@ ROUNDS = 60
 """Number of interleaved rounds; medians of 60 distinguish steps that differ by some percent."""
 UNTIL = 600
 """Horizon of the scenes' runs [s]."""
-FAST, SLOW = 9, 0.3
-"""Velocities of a belt on which the block never sticks, and of a belt on which it sticks [m/s]."""
 Values = Mapping[str, str]
 """Coefficient of each effect: a number, or a parameter whose value is zero, so that the effect has no influence."""
 
@@ -114,8 +112,11 @@ class Body:
     added: Mapping[str, tuple[str, str]]
     """Coefficient of each effect, and the coefficient with which it has no influence."""
 
-    def with_effects(self, effects: Sequence[str], *, carried: bool = False, belt: float = FAST) -> Problem:
-        """Make the scene with some effects; with ``carried`` all others are compiled in at zero."""
+    def with_effects(self, effects: Sequence[str], *, carried: bool = False, belt: float = 9) -> Problem:
+        """Make the scene with some effects; with ``carried`` all others are compiled in at zero.
+
+        ``belt``: velocity of the belt [m/s]; at the default the block never sticks.
+        """
         values = {name: value if name in effects else zero for name, (value, zero) in self.added.items()}
         return self.scene({name: own for name, own in values.items() if carried or name in effects}, belt)
 
@@ -201,7 +202,7 @@ def additions(body: Body) -> Iterator[tuple[str, Problem, Problem | None]]:
     for k, effect in enumerate((body.first, *body.added)):
         effects = tuple(body.added)[:k]
         yield effect, body.with_effects(effects), body.with_effects(effects, carried=True)
-    yield "", body.with_effects(tuple(body.added)[:1], belt=SLOW), None
+    yield "", body.with_effects(tuple(body.added)[:1], belt=0.3), None
 
 
 def effect_costs() -> list[Step]:

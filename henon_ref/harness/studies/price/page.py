@@ -14,16 +14,16 @@ from henon_ref.harness.rows import Row, RunRow
 from henon_ref.harness.score.ranking import readings_of
 from henon_ref.harness.studies.page import in_fresh_process, shipped_problem, title, write
 from henon_ref.harness.studies.pairs import PairRow, TimedPair, own_words
-from henon_ref.harness.studies.price import chains, growth, ladder, landings, operations
+from henon_ref.harness.studies.price import accuracy, chains, ladder, operations
 from henon_ref.harness.studies.study import StudyRequest, StudyResult
 from henon_ref.harness.table import Table, duration
 from henon_ref.text import markdown
 
 PARTS: Mapping[str, tuple[str, type[Row], Callable[[Any], Table]]] = {
     "ready": ("compiling.csv", ladder.Ready, ladder.ready_table),
-    "landings": ("landings.csv", landings.Landed, landings.landing_table),
+    "landings": ("landings.csv", accuracy.Landed, accuracy.landing_table),
     "effects": ("effects.csv", operations.Step, operations.effect_table),
-    "growth": ("horizons.csv", growth.Horizon, growth.growth_table),
+    "growth": ("horizons.csv", accuracy.Horizon, accuracy.growth_table),
     "sizes": ("states.csv", chains.Size, chains.size_table),
     "contacts": ("contacts.csv", chains.ManyContacts, chains.contact_table),
 }
@@ -43,9 +43,9 @@ def run_price(request: StudyRequest) -> StudyResult:
     done = operations.work(problem)
     parts: dict[str, Sequence[Row]] = {
         "ready": ladder.readiness(request.cases, timed),
-        "landings": [*landings.landings(request.cases), *landings.crest_crossings()],
+        "landings": [*accuracy.landings(request.cases), *accuracy.crest_crossings()],
         "effects": operations.effect_costs(),
-        "growth": growth.horizons(problem),
+        "growth": accuracy.horizons(problem),
         "sizes": sizes,
         "contacts": [chains.many_contacts(blocks) for blocks in (4, 8, 16, 64)],
     }
@@ -72,7 +72,7 @@ def write_page(
         If the folder cannot be written.
     """
     sections = []
-    figures = {"growth.svg": growth.draw_growth(parts["growth"]), "states.svg": chains.draw_sizes(parts["sizes"])}
+    figures = {"growth.svg": accuracy.draw_growth(parts["growth"]), "states.svg": chains.draw_sizes(parts["sizes"])}
     for (case, reading), own in readings_of(rows).items():
         shown = [(words, f"{case}_{reading}_{count}.svg") for count, words in ladder.COUNTS.items()]
         figures |= {file: ladder.draw_ladder(own, count) for count, (_, file) in zip(ladder.COUNTS, shown, strict=True)}

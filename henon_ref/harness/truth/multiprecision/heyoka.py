@@ -18,7 +18,7 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rules, Walk, fold
-from henon_ref.harness.truth.multiprecision.numbers import decimal_digits, exact_text
+from henon_ref.harness.truth.reference import decimal_digits, exact_text
 
 Number = Callable[[sp.Expr], Any]
 

@@ -1,4 +1,7 @@
-"""Modes of a system at points in ball arithmetic, by the truth's own series (:mod:`.series`).
+"""Modes of a system at points, by Taylor series in ball arithmetic and proven signs of their coefficients.
+
+Smooth expressions are evaluated over truncated power series. No recurrence is shared with the Taylor tape or with
+heyoka, so that decisions based on these series are a check on both.
 
 A point has radii for its accuracy. A derivative is positive, negative, or *zero to the precision* if its ball contains
 zero: a tie within the radius counts as exact. The next mode is decided by the common rule of
@@ -7,22 +10,115 @@ zero: a tie within the radius counts as exact. The next mode is decided by the c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import reduce
+from operator import add, mul
 
 import sympy as sp
-from flint import arb
+from flint import arb, arb_series, ctx
 
 from henon_ref.enclosure.balls import sign_of
 from henon_ref.errors import ModelError
-from henon_ref.harness.truth.multiprecision import series
+from henon_ref.expressions.traversal import Rules, Walk, fold
+from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, Leading
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
+from henon_ref.taylor.tape import TIME
 
-ORDERS = (1, 3, series.ORDER)
+ORDER = 12
+"""Highest derivative examined before a contact counts as one that never separates."""
+
+
+def _evaluated(expressions: Iterable[sp.Expr], values: Mapping[sp.Expr, arb_series], bits: int) -> Iterator[arb_series]:
+    """Evaluate expressions over truncated power series (of length one: over balls), common parts once.
+
+    ``bits`` is the precision of the exact numbers in the expressions.
+    """
+
+    def power(e: sp.Expr, walk: Walk[arb_series]) -> arb_series:
+        if not e.exp.is_number:
+            return (walk(e.exp) * walk(e.base).log()).exp()
+        return constant_power(walk(e.base), e.exp)
+
+    def constant_power(base: arb_series, exponent: sp.Expr) -> arb_series:
+        if exponent.could_extract_minus_sign():
+            return 1 / constant_power(base, -exponent)
+        if exponent.is_Integer:
+            return reduce(mul, [base] * int(exponent))
+        if (2 * exponent).is_Integer:
+            return constant_power(base.sqrt(), 2 * exponent)
+        return (exact_ball(exponent, bits) * base.log()).exp()
+
+    rules = Rules(
+        number=lambda e: arb_series([exact_ball(e, bits)]),
+        add=lambda e, walk: reduce(add, map(walk, e.args)),
+        multiply=lambda e, walk: reduce(mul, map(walk, e.args)),
+        power=power,
+        function=lambda e, walk: _function(e.func.__name__, walk(e.args[0]), e),
+    )
+    known = dict(values)
+    return (fold(expression, rules, known) for expression in expressions)
+
+
+def _function(name: str, a: arb_series, e: sp.Expr) -> arb_series:
+    if name in ("sin", "cos", "tan", "asin", "acos", "atan", "exp", "log"):
+        return getattr(a, name)()
+    if name == "sinh":
+        return (a.exp() - (-a).exp()) / 2
+    if name == "cosh":
+        return (a.exp() + (-a).exp()) / 2
+    if name == "tanh":
+        return 1 - 2 / ((2 * a).exp() + 1)
+    raise ModelError(f"no power series for {e}: a field is smooth in t and x; write signs as sign symbols")
+
+
+def series_along(
+    field: Sequence[sp.Expr],
+    outputs: Sequence[sp.Expr],
+    states: Sequence[sp.Symbol],
+    time: arb,
+    point: Sequence[arb],
+    *,
+    bits: int,
+    order: int = ORDER,
+) -> list[list[arb]]:
+    """Taylor coefficients in time of functions (``outputs``) along the solution through a point.
+
+    ``field`` (x') and ``outputs`` are in time and states, without parameters. The ``order + 1`` coefficients of each
+    output enclose those for every point within the radii. ModelError if a function has no power series here.
+    """
+    cap = ctx.cap
+    ctx.cap = order + 1
+    try:
+        solution = [[x] for x in point]
+        for k in range(order + 1):
+            values: dict[sp.Expr, arb_series] = {TIME: arb_series([time, 1])}
+            values.update((x, arb_series(s)) for x, s in zip(states, solution, strict=True))
+            if k == order:
+                return [[e[i] for i in range(order + 1)] for e in _evaluated(outputs, values, bits)]
+            ctx.cap = k + 1
+            slopes = [f[k] for f in _evaluated(field, values, bits)]
+            ctx.cap = order + 1
+            for coefficients, slope in zip(solution, slopes, strict=True):
+                coefficients.append(slope / (k + 1))
+    finally:
+        ctx.cap = cap
+    raise AssertionError("unreachable")
+
+
+def leading_term(coefficients: Sequence[arb], first: int = 0) -> tuple[int, int] | None:
+    """(index, sign) of the first coefficient from ``first`` on that is proven nonzero, or None."""
+    for k in range(first, len(coefficients)):
+        if sign := sign_of(coefficients[k]):
+            return k, sign
+    return None
+
+
+ORDERS = (1, 3, ORDER)
 """Orders of the guards' series, tried in turn; the first one decides nearly all events."""
 
 
@@ -42,7 +138,7 @@ class SeriesEvaluation:
         return Point(self, time, tuple(state))
 
     def at_start(self, problem: Problem) -> Point:
-        start, *initial = (series.exact_ball(v, self.bits) for v in (problem.start, *problem.initial))
+        start, *initial = (exact_ball(v, self.bits) for v in (problem.start, *problem.initial))
         return self.at(start, initial)
 
     def values(self, expressions: Sequence[sp.Expr], t: arb, x: Sequence[arb]) -> list[arb]:
@@ -52,7 +148,7 @@ class SeriesEvaluation:
             raise ValueError("a value is not finite")
         return [c[0] for c in found]
 
-    def guard_series(self, mode: Mode, t: arb, x: Sequence[arb], order: int = series.ORDER) -> list[list[arb]]:
+    def guard_series(self, mode: Mode, t: arb, x: Sequence[arb], order: int = ORDER) -> list[list[arb]]:
         """Taylor coefficients in time of a mode's guards."""
         equations = self.system.equations(mode)
         return self.along(equations.field, [g.expression for g in equations.guards], t, x, order)
@@ -61,7 +157,7 @@ class SeriesEvaluation:
         self, field: Sequence[sp.Expr], outputs: Sequence[sp.Expr], t: arb, x: Sequence[arb], order: int
     ) -> list[list[arb]]:
         rates, found = map(self._numeric, field), map(self._numeric, outputs)
-        return series.along(list(rates), list(found), self.system.states, t, x, bits=self.bits, order=order)
+        return series_along(list(rates), list(found), self.system.states, t, x, bits=self.bits, order=order)
 
     @cached_method
     def _numeric(self, expression: sp.Expr) -> sp.Expr:
@@ -106,7 +202,7 @@ class Point:
     def leading(
         self, mode: Mode, place: int, first: int, zero: float = 0.0, beside: int | None = None
     ) -> Leading | None:
-        found = (series.leading(self.series(mode, order)[place], first) for order in ORDERS)
+        found = (leading_term(self.series(mode, order)[place], first) for order in ORDERS)
         return next((term for term in found if term is not None), None)
 
     def end_of_hold(self, mode: Mode, place: int, zero: float) -> Leading | None:
@@ -130,9 +226,7 @@ class Point:
 
     def same_motion(self, first: Mode, second: Mode) -> bool:
         fields = (self.system.equations(mode).field for mode in (first, second))
-        one, other = (
-            self._modes.along(field, self.system.states, self.time, self.state, series.ORDER) for field in fields
-        )
+        one, other = (self._modes.along(field, self.system.states, self.time, self.state, ORDER) for field in fields)
         return all(BALLS.equal(a, b) for a, b in zip(one, other, strict=True))
 
     def leading_terms(self, mode: Mode, active: frozenset[int]) -> list[Leading | None] | None:

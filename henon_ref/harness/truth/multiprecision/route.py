@@ -23,9 +23,16 @@ import heyoka as hy
 from flint import arb, fmpz
 
 from henon_ref.errors import HenonRefError
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, ball_text, exact_ball, in_digits, written_radius
 from henon_ref.harness.truth.multiprecision.run import Instant, Progress, Run, simulate
-from henon_ref.harness.truth.reference import ReferenceTransition, Route
+from henon_ref.harness.truth.reference import (
+    GUARD_BITS,
+    ReferenceTransition,
+    Route,
+    ball_text,
+    exact_ball,
+    in_digits,
+    written_radius,
+)
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import working_precision
 from henon_ref.workers.executors import processors

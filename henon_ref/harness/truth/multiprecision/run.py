@@ -12,11 +12,10 @@ from flint import arb
 
 from henon_ref.enclosure.run import EnclosedTransition, Progress
 from henon_ref.harness.truth.multiprecision.heyoka import to_real
-from henon_ref.harness.truth.multiprecision.numbers import GUARD_BITS, exact_ball, to_ball
 from henon_ref.harness.truth.multiprecision.points import Point, SeriesEvaluation
 from henon_ref.harness.truth.multiprecision.stepper import Step, Stepper
 from henon_ref.harness.truth.multiprecision.termination import CROWD, Approaches, EndedError, Termination, written
-from henon_ref.harness.truth.reference import OUT_OF_TIME, NearGraze
+from henon_ref.harness.truth.reference import GUARD_BITS, OUT_OF_TIME, NearGraze, exact_ball, to_ball
 from henon_ref.harness.truth.roots import isolate
 from henon_ref.modes.after_jump import AfterJump, Rest, after_jump
 from henon_ref.modes.decision import Decision

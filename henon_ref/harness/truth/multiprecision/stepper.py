@@ -19,18 +19,15 @@ import sympy as sp
 from flint import arb
 from numpy.typing import NDArray
 
-from henon_ref.harness.truth.multiprecision import series
 from henon_ref.harness.truth.multiprecision.heyoka import RealParameters, to_heyoka, to_real
-from henon_ref.harness.truth.multiprecision.numbers import to_ball
+from henon_ref.harness.truth.multiprecision.points import ORDER, series_along
+from henon_ref.harness.truth.reference import to_ball
 from henon_ref.harness.truth.roots import END
 from henon_ref.modes.equations import Guard, along
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import kept_zero, settled_state
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
-
-PIECES = 16
-"""Subintervals of a step on which double precision first tries to show that a guard has no root."""
 
 LONGEST_GAP, RISE = 16, 2.0**5
 """Without a gap the k-th last coefficient is below ``RISE**k`` [roundings of the state], for k up to ``LONGEST_GAP``;
@@ -185,7 +182,7 @@ class Stepper:
         of the state makes them zero, those before them may be large: the step is too long. heyoka also assumes that
         later coefficients are smaller. If a drive is almost constant at first (a pulse in the far future, with tiny
         derivatives now), later coefficients are larger, and the step would miss the pulse. For rows whose coefficients
-        do not decrease, Lagrange's remainder of order ``series.ORDER`` is therefore enclosed over the step; accepted
+        do not decrease, Lagrange's remainder of order ``ORDER`` is therefore enclosed over the step; accepted
         are 1000 times the solution's change on the step, and rounding.
         """
         tails = [np.abs(row[-4:]) for row in step.coefficients]
@@ -203,12 +200,12 @@ class Stepper:
         rhs = [self._in_mode(i) for i in range(len(self._rhs))]
         n = self._dimension
         try:
-            slopes = series.along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
+            slopes = series_along(rhs[:n], [rhs[i] for i in rows], self._system.states, time, box[:n], bits=self.bits)
         except (ZeroDivisionError, ValueError):
             return False
         floor = 2.0 ** (8 - self.bits) * max(1e-300, float(np.abs(step.rough).max()))
         return all(
-            bool(abs(c[-1]) * length ** (series.ORDER + 1) <= max(1e3 * variations[i], floor))
+            bool(abs(c[-1]) * length ** (ORDER + 1) <= max(1e3 * variations[i], floor))
             for i, c in zip(rows, slopes, strict=True)
         )
 
@@ -269,6 +266,9 @@ def _is_linear(rate: sp.Expr) -> bool:
 
 @cache
 def _pieces(terms: int) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Ends of the subintervals of a step, and Vandermonde matrices (PIECES, terms) of the ends and of the midpoints."""
-    ends = END * np.arange(1, PIECES + 1) / PIECES
+    """Ends of 16 subintervals of a step, and Vandermonde matrices (16, terms) of the ends and of the midpoints.
+
+    Double precision first tries to show on them that a guard has no root.
+    """
+    ends = END * np.arange(1, 17) / 16
     return ends, np.vander(ends, terms, increasing=True), np.vander(ends - ends[0] / 2, terms, increasing=True)

@@ -12,9 +12,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from flint import arb
 
-from henon_ref.harness.truth.multiprecision.numbers import to_ball
 from henon_ref.harness.truth.multiprecision.stepper import Step
-from henon_ref.harness.truth.reference import NearGraze
+from henon_ref.harness.truth.reference import NearGraze, to_ball
 from henon_ref.modes.equations import Guard
 from henon_ref.trajectory import Status
 

@@ -11,7 +11,7 @@ import systems
 from flint import arb, ctx
 from multiprecision import simulate
 
-from henon_ref.harness.truth.multiprecision.numbers import exact_ball
+from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 

@@ -9,7 +9,7 @@ from henon_ref.grouping import grouped
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.campaign.timing import UNSTABLE
-from henon_ref.harness.report.text.matrix import MatrixRow, solvers_of, summary
+from henon_ref.harness.report.matrix import MatrixRow, solvers_of, summary
 from henon_ref.harness.rows import NOT_RUN, UNDECIDED, UNJUDGED, Key, RunRow, StickRow, number
 from henon_ref.harness.score.ranking import (
     LEVELS,

@@ -16,7 +16,6 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -33,7 +32,6 @@ VARIABLE = "CC"
 """Environment variable that names the compiler."""
 PREFIX = "SUNDIALS_PREFIX"
 """Environment variable for the folder of SUNDIALS' ``include`` and ``lib``, if they are not those of the system."""
-PACKAGES = "Debian: gcc and libsundials-dev"
 _CONFIG = "sundials/sundials_config.h"
 ARGUMENTS = "double t, const double *x, const double *p"
 HEAD = """/* Made by henon_ref from the text of a request. */
@@ -84,10 +82,11 @@ def compiler() -> str:
 def tools() -> tuple[str, Path]:
     """Return the compiler and the folder of headers; raise :class:`UnavailableError` if one is missing."""
     found, folder, version = compiler(), include_folder(), library_version()
+    packages = "Debian: gcc and libsundials-dev"
     if not found:
-        raise UnavailableError(f"there is no C compiler ({PACKAGES})")
+        raise UnavailableError(f"there is no C compiler ({packages})")
     if folder is None:
-        raise UnavailableError(f"SUNDIALS' headers are not installed ({PACKAGES})")
+        raise UnavailableError(f"SUNDIALS' headers are not installed ({packages})")
     if version.partition(".")[0] != "6":
         raise UnavailableError(f"SUNDIALS is version {version or 'unknown'}, wanted 6.x")
     return found, folder
@@ -99,7 +98,7 @@ def program_for(equations: str) -> Path:
     The key of the cache consists of the sources, the equations, the compiler and its options, and SUNDIALS' version.
     """
     path, _ = tools()
-    folder = files("henon_ref.baselines.programs")
+    folder = Path(__file__).with_name("programs")
     texts = {name: folder.joinpath(name).read_text(encoding="utf-8") for name in ("cvode.c", "json.h", "response.h")}
     texts["problem.h"] = equations
     key = hashlib.sha256(repr((texts, path, _compiler_version(path), FLAGS, library_version())).encode())

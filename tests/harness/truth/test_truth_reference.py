@@ -12,15 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from henon_ref.errors import ModelError
-from henon_ref.harness.truth.multiprecision.numbers import (
+from henon_ref.harness.truth.reference import (
     STATE_DIGITS,
+    ReferenceTransition,
     ball_text,
     exact_ball,
     exact_text,
+    split_double,
     to_ball,
     with_short_state,
 )
-from henon_ref.harness.truth.reference import ReferenceTransition, split_double
 
 
 def test_exact_text_has_the_digits_of_the_exact_number() -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import henon_ref
-from henon_ref.baselines.programs import cvode_c as build
-from henon_ref.baselines.programs.cvode_c import ADAMS, BDF, c_equations
+from henon_ref.baselines import cvode_c as build
+from henon_ref.baselines.cvode_c import ADAMS, BDF, c_equations
 from henon_ref.baselines.protocol.problem_text import problem_text
 from henon_ref.baselines.protocol.program import ProgramRun
 from henon_ref.casefile.case import Case, Reading
@@ -19,7 +19,7 @@ from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.campaign.journal import code_files
 from henon_ref.harness.cli.lists import unavailable
 from henon_ref.harness.registry import all_versions
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.compute import stored_truth
 
 installed = pytest.mark.skipif(

@@ -7,12 +7,12 @@ import math
 import pytest
 
 import henon_ref
-from henon_ref.baselines.programs import interpreted as module
-from henon_ref.baselines.programs.interpreted import ODE45, octave_version
+from henon_ref.baselines import interpreted as module
+from henon_ref.baselines.interpreted import ODE45, octave_version
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import expected_of
-from henon_ref.harness.score.errors import score
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.compute import stored_truth
 
 pytestmark = pytest.mark.skipif(not octave_version(), reason="Octave is not installed")

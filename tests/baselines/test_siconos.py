@@ -8,7 +8,7 @@ import pytest
 from often import daily
 
 import henon_ref
-from henon_ref.baselines.programs.interpreted import DEFAULT, RELAY, VARIABLE, siconos_version
+from henon_ref.baselines.interpreted import DEFAULT, RELAY, VARIABLE, siconos_version
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.harness import registry
 

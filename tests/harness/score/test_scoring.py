@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import pytest
 from fakes import TIMES, expected, found, reference, trajectory
 
-from henon_ref.harness.score.errors import digits, score, time_error
 from henon_ref.harness.score.reference import HALF_ULP
+from henon_ref.harness.score.scoring import digits, score, time_error
 
 
 def test_a_time_error_below_the_last_bit_of_the_time_is_seen():

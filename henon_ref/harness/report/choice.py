@@ -12,7 +12,7 @@ from urllib.parse import quote
 from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import REPORT
-from henon_ref.harness.report.text.matrix import MatrixRow, commits_of, solvers_of
+from henon_ref.harness.report.matrix import MatrixRow, commits_of, solvers_of
 from henon_ref.harness.rows import number
 from henon_ref.harness.score.ranking import LEVELS, by_solver, readings_of
 from henon_ref.harness.score.reference import KINDS

@@ -1,4 +1,7 @@
-"""Command ``check``: check stored reports against a fresh comparison; the exit status is 1 if they differ."""
+"""Commands ``check`` and ``truth``: stored reports and truths against fresh ones; exit status 1 if they differ.
+
+``truth`` also stores what it has computed.
+"""
 
 from __future__ import annotations
 
@@ -11,24 +14,29 @@ from typing import Annotated
 
 import typer
 
+from henon_ref.casefile.case import Case, Reading
+from henon_ref.commands import FLAG, Cases, application, examples, status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, command_of, say
-from henon_ref.commands.typer_app import Cases, application, examples
-from henon_ref.errors import CaseError
+from henon_ref.errors import CaseError, ModelError
 from henon_ref.harness.campaign.campaign import compare_all
-from henon_ref.harness.campaign.case_files import load_cases
 from henon_ref.harness.campaign.comparison import Comparison
-from henon_ref.harness.campaign.options import Options
+from henon_ref.harness.campaign.options import Options, load_cases
 from henon_ref.harness.registry import is_peer
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
 from henon_ref.harness.report.folder_report import content
 from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.report.matrix import read_matrix
 from henon_ref.harness.report.rendering import embedded, read_embedded, unpacked
-from henon_ref.harness.report.text.matrix import read_matrix
 from henon_ref.harness.result_files import read_rows
 from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.ranking import floor
 from henon_ref.harness.table import setting
+from henon_ref.harness.truth import compute, store
+from henon_ref.harness.truth.reference import Truth, TruthError
+from henon_ref.text import message
+
+check_app, truth_app = application(), application()
 
 
 def differences(stored: Path, fresh: Path) -> list[str]:
@@ -109,7 +117,7 @@ def _label(key: Key) -> str:
     return f"{reading}, {solver} at {setting(rtol, step)}"
 
 
-def check(paths: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
+def all_differences(paths: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]:
     """List the differences between the reports of cases and a fresh comparison; if ``fresh`` is None, run it."""
     cases = load_cases(paths)
     with tempfile.TemporaryDirectory() as made:
@@ -127,11 +135,8 @@ def check(paths: Sequence[Path], reports: Path, fresh: Path | None) -> list[str]
         return found + page_differences(reports)
 
 
-app = application()
-
-
-@app.command(epilog=examples("check fig8", "check cases --fresh out"))
-def main(
+@check_app.command(epilog=examples("check fig8", "check cases --fresh out"))
+def check(
     cases: Cases,
     reports: Annotated[Path, typer.Option(help="Folder of the reports.", metavar="FOLDER")] = Path("reports"),
     fresh: Annotated[
@@ -142,10 +147,110 @@ def main(
     ] = None,
 ) -> int:
     """Check stored reports against a fresh comparison, except for wall times."""
-    found = check(cases, reports, fresh)
+    found = all_differences(cases, reports, fresh)
     for words in found:
         say(words)
     return NOT_MET if found else DONE
 
 
-command = command_of(app, "check")
+check_command = command_of(check_app, "check")
+
+
+@truth_app.command(
+    help="Compute the truth of every reading, compare it with the stored truth, and store it in cases/truth.\n\n"
+    "If the new truth agrees with the stored one, the stored one is kept, unless the new one proves more. A certified "
+    "stored truth is never replaced by a new one that is not certified.",
+    epilog=examples("truth my_case.yaml", "truth cases --dry-run", "truth cases --missing"),
+)
+def truth(
+    cases: Cases,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Write nothing; exit with 1 if a stored truth differs.", metavar=FLAG)
+    ] = False,
+    missing: Annotated[
+        bool, typer.Option("--missing", help="Compute only truths that are missing or out of date.", metavar=FLAG)
+    ] = False,
+    proof_seconds: Annotated[float, typer.Option(help="Limit on the time of one proof.", metavar="SECONDS")] = 1800.0,
+) -> int:
+    if not proof_seconds >= 0:
+        raise CaseError(f"--proof-seconds is a number of seconds from 0 on, not {proof_seconds:g}")
+    failed = False
+    for case in load_cases(cases, check_solvers=False):
+        for reading in case.readings:
+            failed |= not _one(case, reading, dry_run=dry_run, missing=missing, proof_seconds=proof_seconds)
+    return NOT_MET if failed else DONE
+
+
+truth_command = command_of(truth_app, "truth")
+
+
+def _stored(case: Case, reading: Reading, folder: Path) -> tuple[Truth | None, str, bool]:
+    """Read the stored truth of a reading; print a message if the file is damaged.
+
+    Return the truth, possibly from a damaged file (None if nothing is stored for the mathematics of the reading); the
+    damage of the file (empty if it is intact); and whether the truth is intact, and was checked against the present
+    claims of the case.
+    """
+    try:
+        truth, fault = store.load(folder, case.name, reading.name), ""
+    except store.StoredTruthError as error:
+        compute.tell(error)
+        truth, fault = error.content, error.reason
+    if truth is None or truth.mathematics_hash != reading.mathematics_hash:
+        return None, fault, False
+    return truth, fault, not fault and compute.claimed(truth, reading)
+
+
+def _one(case: Case, reading: Reading, *, dry_run: bool, missing: bool, proof_seconds: float) -> bool:
+    """Compute and store the truth of one reading; return False if an error or a difference is found."""
+    name = f"{case.name}, {reading.name}"
+    old, fault, current = _stored(case, reading, store.folder_of(case.path))
+    if current and missing:
+        return True
+
+    def report(stage: str, done: float) -> None:
+        status_line.show(f"{name}: {stage}, {done:.0%}")
+
+    try:
+        fresh = compute.compute(case, reading, proof_seconds=proof_seconds, progress=report)
+    except (TruthError, ModelError) as error:
+        verdict, right = str(error), False
+    else:
+        found, right = _compared(old, fault, current, fresh, store.folder_for_new(case.path), dry_run=dry_run)
+        verdict = f"{_summary(fresh)}; {found}"
+    finally:
+        status_line.clear()
+    print(message(f"{name}: {verdict}"))
+    return right
+
+
+def _compared(
+    old: Truth | None, fault: str, current: bool, fresh: Truth, folder: Path, *, dry_run: bool
+) -> tuple[str, bool]:
+    """Compare a stored truth with a new one, and store the new one if required; return the verdict and success."""
+    faults = [*([] if old is None else compute.differences(old, fresh)), *([fault] if fault else [])]
+    weaker = old is not None and old.certified and not fresh.certified
+    stays = dry_run or weaker
+    if old is None and not fault:
+        verdict, right = ("not stored or out of date" if dry_run else "stored"), not dry_run
+    elif faults:
+        verdict, right = "differs from the stored truth: " + "; ".join(faults[:5]), not stays
+    elif not current:
+        verdict, right = "the stored truth was not checked against the present claims of the case", not stays
+    elif old is not None and (fresh.certified, fresh.proven) > (old.certified, old.proven):
+        verdict, right = "agrees with the stored truth, and more is proven now", True
+    else:
+        verdict, right, stays = "agrees with the stored truth", not (dry_run and weaker), True
+    if not stays:
+        try:
+            store.save(folder, fresh)
+        except OSError as error:
+            verdict, right = f"cannot be stored in {folder}: {error.strerror or error}", False
+    return f"{verdict}{'; the stored truth is certified and is kept' * weaker}", right
+
+
+def _summary(truth: Truth) -> str:
+    seconds = sum(s for _, _, s in truth.methods)
+    proven = "certified" if truth.certified else f"{truth.proven} proven, not certified: {truth.uncertified_because}"
+    ending = truth.status + (f" ({truth.reason})" if truth.reason else "")
+    return f"{len(truth.transitions)} transitions, {ending}, radius {truth.radius:.1e} s, {proven}, {seconds:.1f} s"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from henon_ref.harness.campaign.comparison import ReadingResult
 from henon_ref.harness.campaign.rows import Record
 from henon_ref.harness.rows import RunRow, StickRow, number
-from henon_ref.harness.score.errors import published_partners
 from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.score.scoring import published_partners
 from henon_ref.harness.table import Table, error, exponential, listing, significant
 from henon_ref.text import code, markdown
 from henon_ref.trajectory import sticks

@@ -6,7 +6,7 @@ import pytest
 from often import daily
 
 import henon_ref
-from henon_ref.baselines.programs import cvode_c as build
+from henon_ref.baselines import cvode_c as build
 
 pytestmark = pytest.mark.skipif(
     not (build.compiler() and build.library_version().startswith("6.")), reason="no C compiler, or no SUNDIALS 6"

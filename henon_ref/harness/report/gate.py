@@ -68,11 +68,6 @@ def demands_state(demands: Mapping[str, Demand]) -> str:
     return "".join(f"; {solver} right in {own.right} of {own.judged} judged" for solver, own in demands.items())
 
 
-OUTPUT = (
-    "status", "verdict", "verdict_basis", "cause", "digits", "max_time_error_s", "wall_s", "matched", "missed",
-    "spurious",
-)  # fmt: skip
-"""Columns in the output of a test case."""
 _ELEMENTS: dict[RowKind, str] = {"failure": "failure", "error": "error", "skipped": "skipped", "known": "skipped"}
 MOST_ROWS = 50
 """Largest number of rows in the summary of a GitHub step, which is limited to 1 MiB."""
@@ -120,7 +115,11 @@ def _test_case(suite: ElementTree.Element, row: RunRow, kind: RowKind, reason: s
         element = _ELEMENTS[kind]
         what = {"message": reason} if element == "skipped" else {"message": reason, "type": row.status}
         ElementTree.SubElement(case, element, what).text = reason
-    known = zip(OUTPUT, row.values(OUTPUT), strict=True)
+    shown = (
+        "status", "verdict", "verdict_basis", "cause", "digits", "max_time_error_s", "wall_s", "matched", "missed",
+        "spurious",
+    )  # fmt: skip
+    known = zip(shown, row.values(shown), strict=True)
     output = [f"{column}: {short_line(csv_field(value))}" for column, value in known if value is not None]
     ElementTree.SubElement(case, "system-out").text = "\n".join(output)
 

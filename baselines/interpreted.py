@@ -15,15 +15,15 @@ import os
 import re
 import shutil
 from functools import cache
-from importlib.resources import as_file, files
+from pathlib import Path
 
 from henon_ref.baselines.protocol.exchange import command_output
 from henon_ref.baselines.protocol.messages import Problem
 from henon_ref.baselines.protocol.program import ProgramSolver
 from henon_ref.errors import UnavailableError
+from henon_ref.workers import ONE_THREAD
 
 OCTAVE = ("octave-cli", "--no-init-file", "--no-history", "--quiet")
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 VARIABLE = "SICONOS_PYTHON"
 """Environment variable of the interpreter that has Siconos."""
 DEFAULT = "/usr/bin/python3"
@@ -98,10 +98,10 @@ class SiconosSolver(ProgramSolver):
 
 
 def _command(solver: ProgramSolver, *interpreter: str) -> tuple[str, ...]:
-    """Return the command of a solver: interpreter, file of the program in this folder, and version of the library."""
+    """Return the command of a solver: interpreter, file of the program in ``programs/``, and version of the library."""
     solver.check()
-    with as_file(files("henon_ref.baselines.programs").joinpath(*solver.command)) as path:
-        return *interpreter, str(path), solver.version
+    path = Path(__file__).parent.joinpath("programs", *solver.command)
+    return *interpreter, str(path), solver.version
 
 
 ODE45 = OctaveSolver("octave-ode45", ("ode45.m",), landing="linear", environment=ONE_THREAD)

@@ -1,1 +1,0 @@
-"""Programs in other languages that implement :mod:`henon_ref.baselines.protocol`."""
