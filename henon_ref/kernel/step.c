@@ -128,6 +128,8 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         if (may_have_gaps(w, theta * unit, last)) {
             double before = step_before_gaps(w, rows, smaller(theta, left / unit), &w->gaps);
             theta = w->gaps ? smaller(theta, before) : theta;
+            double whole = smaller(theta, left / unit);
+            w->gaps = w->gaps || (whole > 0.0 && slopes_differ(w, whole, slope_tolerance(run)));
         }
         if (shrunk) {
             theta = smaller(theta, 1e6);

@@ -207,6 +207,30 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     }
 }
 
+/* Check whether slopes at the end of a step differ from those of the expansion by more than "relative". */
+static bool slopes_differ(const struct work *w, double theta, double relative)
+{
+    struct run *run = w->run;
+    int64_t n = run->states;
+    w->mode->step_end(theta, w->c, w->change);
+    for (int64_t i = 0; i < n; i++)
+        w->point[i] = w->x[i] + w->change[i];
+    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    for (int64_t i = 0; i < n; i++) {
+        double there = row_ahead(w, i)[1], size = fabs(there);
+        double off = fabs(predicted_at(row_of(w, i), run->order, 1, theta, &size) - there);
+        if (!(off <= larger(relative * size, 4.0 * EPS * fabs(w->x[i]) / theta)))
+            return true;
+    }
+    return false;
+}
+
+/* Relative error that a slope may have at the end of a step: its rounding is not known. */
+static double slope_tolerance(const struct run *run)
+{
+    return smaller(larger((double)run->order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
+}
+
 /* Longest step, theta at most, on which the expansion holds.
  *
  * "unconverged": the terms are examined first. While they grow the step is shortened until they decrease, so that it
@@ -239,11 +263,9 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         }
         decreasing = decreasing && tail == DECREASING;
     }
-    double relative = AGREEMENT;
-    if (w->gaps)
-        relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
+    double relative = w->gaps ? slope_tolerance(run) : AGREEMENT;
     expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
-    bool checking = !decreasing || slopes;
+    bool checking = !decreasing || slopes || w->gaps;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
         compare_at(w, theta, theta, slopes, decreasing, relative, &found);
