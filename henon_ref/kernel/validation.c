@@ -22,10 +22,10 @@
 #define SHORTEST_PART 1e-60
 /* Relative error, of a row's size on a step, that rounding may always cause in a polynomial motion. */
 #define ROUNDING (1e3 * EPS)
-/* Relative error of a slope at which expansions agree; and the smallest one if a series has a gap, where the slopes must
- * agree to the tolerance (the rounding of the field is not known). */
+/* Relative error of a slope at which expansions agree. */
 #define AGREEMENT 1e-6
-#define CLOSEST_AGREEMENT 1e-10
+/* Error of a step's end, in tolerances, below which its series has no hidden terms. */
+#define HIDDEN 4.0
 /* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
 /* Number of places on a step at which the size of a row is sampled. */
@@ -104,32 +104,32 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
     return found;
 }
 
-/* Estimate the rounding error of each guard at "point", written to "change" after the states.
+/* Estimate the rounding error of each slope of a state and of each guard at "point", written to "change".
  *
  * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
  * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
  * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
  */
-static void guard_rounding(const struct work *w, expand_code code, double end)
+static void measure_rounding(const struct work *w, expand_code code, double end)
 {
     struct run *run = w->run;
-    int64_t n = run->states, guards = w->mode->guards;
-    double *rounding = w->change + n, *point = w->point;
-    for (int64_t g = 0; g < guards; g++) {
-        double *row = row_ahead(w, n + g);
-        rounding[g] = 0.0, row[2] = row[0];
+    int64_t n = run->states, rows = n + w->mode->guards;
+    double *rounding = w->change, *point = w->point;
+    for (int64_t r = 0; r < rows; r++) {
+        double *row = row_ahead(w, r);
+        rounding[r] = 0.0, row[2] = row[r < n ? 1 : 0];
+        if (r < n)
+            row[3] = point[r];
     }
     for (int neighbour = 0; neighbour < 2; neighbour++) {
-        for (int64_t i = 0; i < n; i++) {
-            w->change[i] = point[i];
-            point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
-        }
-        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
         for (int64_t i = 0; i < n; i++)
-            point[i] = w->change[i];
-        for (int64_t g = 0; g < guards; g++) {
-            const double *row = row_ahead(w, n + g);
-            rounding[g] = larger(rounding[g], SPREAD * fabs(row[0] - row[2]));
+            point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
+        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
+        for (int64_t r = 0; r < rows; r++) {
+            const double *row = row_ahead(w, r);
+            rounding[r] = larger(rounding[r], SPREAD * fabs(row[r < n ? 1 : 0] - row[2]));
+            if (r < n)
+                point[r] = row[3];
         }
     }
     code(end, run->time_low, run->unit, point, w->constants, w->ahead);
@@ -161,11 +161,11 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
 /* Compare the expansion with a new one made at a place on the step.
  *
  * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
- * without branch points need no comparison. The step is "theta" units long. "relative": allowed error of a slope, as a
- * part of the sum of its terms; that of a guard is AGREEMENT.
+ * without branch points need no comparison. The step is "theta" units long. "hidden": compare to HIDDEN tolerances,
+ * otherwise to the part AGREEMENT of the terms' sizes.
  */
 static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
-                       double relative, struct agreement *found)
+                       bool hidden, struct agreement *found)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
@@ -179,6 +179,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in
      * taylor/llvm/step_bounds.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
+    double part = hidden ? HIDDEN * (double)order * larger(run->tolerance, EPS) : AGREEMENT;
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
@@ -189,11 +190,13 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
+        if (hidden) /* an error of the slope is one of the state over the step, as the step size counts it */
+            size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
-        double allowed = larger((r < n ? relative : AGREEMENT) * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
-        if (r >= n && !smooth && off > allowed) {
+        double allowed = larger(part * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
+        if ((hidden || (r >= n && !smooth)) && off > allowed) {
             if (!measured)
-                guard_rounding(w, code, end);
+                measure_rounding(w, code, end);
             measured = true;
             allowed = larger(allowed, w->change[r]);
         }
@@ -207,36 +210,27 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     }
 }
 
-/* Check whether slopes at the end of a step differ from those of the expansion by more than "relative". */
-static bool slopes_differ(const struct work *w, double theta, double relative)
+/* Check whether terms after the last ones move the end of a step by several tolerances: "hidden" terms.
+ *
+ * The last two terms bound later ones only if no term between is small by symmetry. The series of a pendulum released
+ * at a right angle has only every fourth coefficient, that of cos(t^5) - x at t = 0 those of exp(-t), which decrease,
+ * and every tenth. Hidden terms are in the slopes at the step's end, but not in the polynomial's.
+ */
+static bool has_hidden_terms(const struct work *w, double theta)
 {
-    struct run *run = w->run;
-    int64_t n = run->states;
-    w->mode->step_end(theta, w->c, w->change);
-    for (int64_t i = 0; i < n; i++)
-        w->point[i] = w->x[i] + w->change[i];
-    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
-    for (int64_t i = 0; i < n; i++) {
-        double there = row_ahead(w, i)[1], size = fabs(there);
-        double off = fabs(predicted_at(row_of(w, i), run->order, 1, theta, &size) - there);
-        if (!(off <= larger(relative * size, 4.0 * EPS * fabs(w->x[i]) / theta)))
-            return true;
-    }
-    return false;
-}
-
-/* Relative error that a slope may have at the end of a step: its rounding is not known. */
-static double slope_tolerance(const struct run *run)
-{
-    return smaller(larger((double)run->order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
+    struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
+    for (int64_t g = 0; g < w->mode->guards; g++)
+        w->faint[g] = 0;
+    compare_at(w, theta, theta, w->mode->slopes, false, true, &found);
+    return !found.agrees;
 }
 
 /* Longest step, theta at most, on which the expansion holds.
  *
  * "unconverged": the terms are examined first. While they grow the step is shortened until they decrease, so that it
  * ends within their circle of convergence. Terms that are zero or end in a gap do not prove convergence (those of a
- * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown"), or
- * if some series has a gap.
+ * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown").
+ * No terms do if there are hidden ones.
  *
  * Then the expansion is compared with new ones, at the end of the step and within it, if some terms do not prove
  * convergence, or if the field or a guard has branch points ("branches"). Beyond a branch point the series of
@@ -255,7 +249,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         const double *row = row_of(w, r);
         if (r >= run->states && w->faint[r - run->states] != 0)
             continue;
-        enum tail tail = tail_shape(row, order, theta, grown || w->gaps ? 0.0 : EPS);
+        enum tail tail = tail_shape(row, order, theta, grown || w->hidden ? 0.0 : EPS);
         if (tail == NOT_DECREASING) {
             while (tail_shape(row, order, theta, EPS) == NOT_DECREASING)
                 theta *= SHORTER;
@@ -263,14 +257,14 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         }
         decreasing = decreasing && tail == DECREASING;
     }
-    double relative = w->gaps ? slope_tolerance(run) : AGREEMENT;
+    decreasing = decreasing && !w->hidden;
     expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
-    bool checking = !decreasing || slopes || w->gaps;
+    bool checking = !decreasing || slopes;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-        compare_at(w, theta, theta, slopes, decreasing, relative, &found);
+        compare_at(w, theta, theta, slopes, decreasing, w->hidden, &found);
         if (found.kept)
-            compare_at(w, 0.37 * theta, theta, slopes, decreasing, relative, &found);
+            compare_at(w, 0.37 * theta, theta, slopes, decreasing, w->hidden, &found);
         if (found.agrees)
             break;
         bool falls = LEAST_PART * theta < found.shorter && found.shorter < theta;
