@@ -144,6 +144,25 @@ struct agreement {
     double shorter; /* step on which the terms of the rows that disagree decrease */
 };
 
+/* Error of a slope, as a part of its state's size over the step, below which a series has no hidden terms. */
+static inline double hidden_part(const struct run *run)
+{
+    return HIDDEN * (double)run->order * larger(run->tolerance, EPS);
+}
+
+/* Sum of row[k] weights[k] over k <= order, as four sums. */
+static inline double weighted_sum(const double *row, const double *weights, int64_t order)
+{
+    double sums[4] = {0.0};
+    int64_t k = 0;
+    for (; k + 3 <= order; k += 4)
+        for (int lane = 0; lane < 4; lane++)
+            sums[lane] += row[k + lane] * weights[k + lane];
+    for (; k <= order; k++)
+        sums[0] += row[k] * weights[k];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
+
 /* Value of a row's series at a place on the step (first = 0), or slope of a state (first = 1); adds the terms' sizes to
  * "size". */
 static inline double predicted_at(const double *row, int64_t order, int64_t first, double at, double *size)
@@ -179,7 +198,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in
      * taylor/llvm/step_bounds.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
-    double part = hidden ? HIDDEN * (double)order * larger(run->tolerance, EPS) : AGREEMENT;
+    double part = hidden ? hidden_part(run) : AGREEMENT;
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
@@ -218,8 +237,29 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  */
 static bool has_hidden_terms(const struct work *w, double theta)
 {
+    struct run *run = w->run;
+    int64_t n = run->states, guards = w->mode->guards, order = run->order;
+    w->mode->step_end(theta, w->c, w->change);
+    for (int64_t i = 0; i < n; i++)
+        w->point[i] = w->x[i] + w->change[i];
+    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    run->expansions += 1;
+    double powers[order + 1], slopes[order + 1], part = hidden_part(run); /* theta^k; k theta^k */
+    for (int64_t k = 0; k <= order; k++) {
+        powers[k] = k > 0 ? powers[k - 1] * theta : 1.0;
+        slopes[k] = (double)k * powers[k];
+    }
+    bool clear = true;
+    for (int64_t r = 0; r < n + guards; r++) {
+        const double *row = row_of(w, r), *there = row_ahead(w, r);
+        double off = r < n ? weighted_sum(row, slopes, order) - theta * there[1]
+                           : weighted_sum(row, powers, order) - there[0];
+        clear = clear && fabs(off) <= part * size_of_terms(row, 0, 2, theta);
+    }
+    if (clear) /* most steps */
+        return false;
     struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-    for (int64_t g = 0; g < w->mode->guards; g++)
+    for (int64_t g = 0; g < guards; g++)
         w->faint[g] = 0;
     compare_at(w, theta, theta, w->mode->slopes, false, true, &found);
     return !found.agrees;
