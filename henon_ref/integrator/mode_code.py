@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -19,7 +19,6 @@ from henon_ref.modes.resets import Jump, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.machine_code import Part, machine_code
 from henon_ref.taylor.rules import RULES, IntegralOfProduct, IntegralOfQuotient
-from henon_ref.taylor.series_form import has_branch_points, own_gaps
 from henon_ref.taylor.tape import INFINITE, Tape, build_tape
 
 if TYPE_CHECKING:
@@ -58,8 +57,6 @@ class ModeCode:
     """The same for each guard."""
     program: NDArray[np.int64] | None
     """Field and guards for evaluation in double-double, if compiled code supports them."""
-    own_gaps: NDArray[np.int64]
-    """Whether the series of each state and guard may end in a gap that is in no other."""
     jumps: ModeTape | None = None
     """Maps of the system's resets, if compiled code applies them."""
 
@@ -78,7 +75,6 @@ class ModeCode:
             "rounding": self.code.address("rounding"),
             "polynomial_degree": self.degree,
             "slopes": self.code.address("slopes"),
-            "own_gaps": self.own_gaps.ctypes.data,
             "branches": int(self.field_branches or any(self.guards_branch)),
             "tape": 0 if self.program is None else self.program.ctypes.data,
             "guards_branch": int(any(self.guards_branch)),
@@ -139,8 +135,8 @@ def _mode_code(
     n, nodes = len(system.states), expansion.nodes
     degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
     degree = max(degrees) if max(degrees) <= order else 0
-    field_branches = has_branch_points(expansion, expansion.field)
-    guards_branch = tuple(has_branch_points(expansion, [row]) for row in expansion.outputs)
+    field_branches = _has_branch_points(expansion, expansion.field)
+    guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
     large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
     loops = "looped " if large else ""
     parts = [
@@ -152,8 +148,13 @@ def _mode_code(
     ]
     code = machine_code(*parts, optimised=large or not_watched, simplified=not_watched and not large)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
-    program, gaps = tape_program(expansion, max(degrees)), np.array(own_gaps(expansion), dtype=np.int64)
-    return ModeCode(*tapes, code, degree, field_branches, guards_branch, program, gaps)
+    program = tape_program(expansion, max(degrees))
+    return ModeCode(*tapes, code, degree, field_branches, guards_branch, program)
+
+
+def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
+    """Return whether given nodes depend on an operation with branch points."""
+    return any(tape.nodes[at].op in ("sqrt", "power", "asin", "acos") for at in tape.needed(rows))
 
 
 def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:

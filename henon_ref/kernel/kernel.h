@@ -148,7 +148,6 @@ struct mode {
     bernstein_code bernstein;
     int64_t polynomial_degree; /* of the motion, if it is a polynomial that the expansion holds completely; else 0 */
     expand_code slopes;        /* values and first derivatives alone */
-    const int64_t *own_gaps;   /* of each state and guard: whether its series may end in a gap that is in no other */
     const struct tape *tape;   /* for events that double-double decides; else null */
     int64_t branches;          /* whether the field or some guard has branch points */
     int64_t guards_branch;     /* whether some guard has branch points */

@@ -49,7 +49,7 @@ static inline struct look accepted_step(struct work *w, double theta)
     double last = w->last_steps[run->step_place];
     if (grown && look.final && left <= last) /* the last part before the horizon is no step that has grown */
         grown = false, look.natural = smaller(look.natural, last);
-    bool unconverged = w->mode->polynomial_degree == 0 && (grown || w->gaps || tail_unconverged(w, rows, look.theta));
+    bool unconverged = w->mode->polynomial_degree == 0 && (grown || w->hidden || tail_unconverged(w, rows, look.theta));
     if (!unconverged && !w->mode->branches)
         return look;
     double accepted = validated_step(w, look.theta, grown, unconverged);

@@ -124,11 +124,8 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
                 continue;
             }
         }
-        w->gaps = false;
-        if (may_have_gaps(w, theta * unit, last)) {
-            double before = step_before_gaps(w, rows, smaller(theta, left / unit), &w->gaps);
-            theta = w->gaps ? smaller(theta, before) : theta;
-        }
+        double whole = smaller(theta, left / unit);
+        w->hidden = whole > 0.0 && may_hide_terms(w, theta * unit, last) && has_hidden_terms(w, whole);
         if (shrunk) {
             theta = smaller(theta, 1e6);
             shrunk = false;
@@ -141,7 +138,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         if (raised != 0 && out_of_range(w, raised, smaller(theta, left / unit)))
             return OUT_OF_RANGE;
         *proposed = theta;
-        if (alone || w->gaps || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
+        if (alone || w->hidden || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
             return ON;
         w->mode->step_end(theta, w->c, w->change);
         for (int64_t g = 0; g < guards; g++)

@@ -10,15 +10,8 @@
 #define UNLIMITED 1e30
 /* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
 #define GAP_RATIO 1e-5
-/* A term of a series without gaps is smaller than the term before it by no more than this factor: at a step by the last
- * terms it is e^-3.6 for exp(t), and less where all coefficients are alike. */
-#define LEAST_FALL 1e-3
-/* A series converges if its terms after a sudden fall, at least LONG_TAIL, go on to fall by STEADY_FALL a term: in a gap
- * they are zero, or rounding, or they increase. */
-#define STEADY_FALL 0.1
-#define LONG_TAIL 5
-/* A step longer than the last one by 1 + GAP_GROWTH/order may be one across a gap: its error may be 100 times as large. */
-#define GAP_GROWTH 5.0
+/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms: its error may be 100 times as large. */
+#define HIDDEN_GROWTH 5.0
 
 /* (above / below) ^ power to about one part in 100, which is enough for a step size. Both numbers are positive.
  *
@@ -143,70 +136,14 @@ static double size_of_terms(const double *row, int64_t first, int64_t order, dou
     return size;
 }
 
-/* Last term of a row before a gap of two terms or more at the row's end; 0 if there is no gap.
- *
- * Terms in a gap are zero, or rounding, or small because the state is near a symmetric one: of 1/(1 + x^6) at distance d
- * the terms between every sixth ones are proportional to d^5, d^4 ... d. Terms are relative to theta^(p - 1).
- */
-static inline int64_t last_before_gap(const double *row, int64_t order, double theta, double inverse)
-{
-    double later = larger(fabs(row[order]) * theta, fabs(row[order - 1])), power = 1.0;
-    double earlier = larger(fabs(row[order - 2]), fabs(row[order - 3]) * inverse) * inverse;
-    if (0.0 < earlier && LEAST_FALL * earlier <= later && later <= earlier) /* most rows: the terms of a gap increase */
-        return 0;
-    double end = later, next = 0.0, second = 0.0; /* terms k + 1 and k + 2 */
-    for (int64_t k = order - 2; k > 0; k--) {
-        power *= inverse;
-        double term = fabs(row[k]) * power;
-        if (LEAST_FALL * term > later) {
-            bool steady = order - k >= LONG_TAIL && end < larger(next, second) * whole_power(STEADY_FALL, order - 2 - k);
-            return steady ? 0 : k;
-        }
-        later = larger(later, term), second = next, next = term;
-    }
-    return 0;
-}
-
-/* Check whether a series may end in a gap: at the start and after an event, where a state may be symmetric, and where
- * the proposed step is longer than the last one.
- *
- * The series of a pendulum that is released at a right angle has only every fourth coefficient, that of sin(t^5) at
- * t = 0 only every tenth; near these places the others are small. The last two terms then limit no step.
- */
-static inline bool may_have_gaps(const struct work *w, double step, double last)
+/* Check whether series may have hidden terms (has_hidden_terms in validation.c): at the start and after an event, where a
+ * state may be symmetric or a forcing may begin, and where the proposed step is longer than the last one. */
+static inline bool may_hide_terms(const struct work *w, double step, double last)
 {
     const struct run *run = w->run;
     bool first = run->steps == 0 || run->time == run->event_time;
-    bool longer = (step - last) * (double)run->order > GAP_GROWTH * last;
+    bool longer = (step - last) * (double)run->order > HIDDEN_GROWTH * last;
     return w->mode->polynomial_degree == 0 && (first || longer);
-}
-
-/* Longest step, theta at most, on which the last term before a gap falls below the tolerance as last terms do.
- *
- * Terms of the first half need not: those after the gap are unknown. "gaps": whether a gap begins above the tolerance, so
- * that the step must be validated.
- */
-static double step_before_gaps(const struct work *w, int64_t rows, double theta, bool *gaps)
-{
-    int64_t order = w->run->order;
-    double within = smaller(theta, 1.0), inverse = 1.0 / within;
-    *gaps = false;
-    for (int64_t r = 0; r < rows; r++) {
-        if (!w->mode->own_gaps[r])
-            continue;
-        const double *row = row_of(w, r);
-        int64_t last = last_before_gap(row, order, within, inverse);
-        for (double longer = INFINITY; last > 0 && theta < 0.5 * longer;) {
-            double least = w->run->tolerance * size_of_terms(row, 0, last - 1, theta);
-            longer = theta;
-            if (fabs(row[last]) * whole_power(theta, last) > least) {
-                *gaps = true;
-                if (last >= order / 2 && least > 0.0)
-                    theta = pow(least / fabs(row[last]), 1.0 / (double)last);
-            }
-        }
-    }
-    return theta;
 }
 
 /* Length, at most one unit, on which the terms of the expansion ahead decrease; 0 if a coefficient is not finite. */

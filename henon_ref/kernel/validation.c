@@ -22,10 +22,10 @@
 #define SHORTEST_PART 1e-60
 /* Relative error, of a row's size on a step, that rounding may always cause in a polynomial motion. */
 #define ROUNDING (1e3 * EPS)
-/* Relative error of a slope at which expansions agree; and the smallest one if a series has a gap, where the slopes must
- * agree to the tolerance (the rounding of the field is not known). */
+/* Relative error of a slope at which expansions agree. */
 #define AGREEMENT 1e-6
-#define CLOSEST_AGREEMENT 1e-10
+/* Error of a step's end, in tolerances, below which its series has no hidden terms. */
+#define HIDDEN 4.0
 /* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
 /* Number of places on a step at which the size of a row is sampled. */
@@ -104,32 +104,32 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
     return found;
 }
 
-/* Estimate the rounding error of each guard at "point", written to "change" after the states.
+/* Estimate the rounding error of each slope of a state and of each guard at "point", written to "change".
  *
  * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
  * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
  * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
  */
-static void guard_rounding(const struct work *w, expand_code code, double end)
+static void measure_rounding(const struct work *w, expand_code code, double end)
 {
     struct run *run = w->run;
-    int64_t n = run->states, guards = w->mode->guards;
-    double *rounding = w->change + n, *point = w->point;
-    for (int64_t g = 0; g < guards; g++) {
-        double *row = row_ahead(w, n + g);
-        rounding[g] = 0.0, row[2] = row[0];
+    int64_t n = run->states, rows = n + w->mode->guards;
+    double *rounding = w->change, *point = w->point;
+    for (int64_t r = 0; r < rows; r++) {
+        double *row = row_ahead(w, r);
+        rounding[r] = 0.0, row[2] = row[r < n ? 1 : 0];
+        if (r < n)
+            row[3] = point[r];
     }
     for (int neighbour = 0; neighbour < 2; neighbour++) {
-        for (int64_t i = 0; i < n; i++) {
-            w->change[i] = point[i];
-            point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
-        }
-        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
         for (int64_t i = 0; i < n; i++)
-            point[i] = w->change[i];
-        for (int64_t g = 0; g < guards; g++) {
-            const double *row = row_ahead(w, n + g);
-            rounding[g] = larger(rounding[g], SPREAD * fabs(row[0] - row[2]));
+            point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
+        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
+        for (int64_t r = 0; r < rows; r++) {
+            const double *row = row_ahead(w, r);
+            rounding[r] = larger(rounding[r], SPREAD * fabs(row[r < n ? 1 : 0] - row[2]));
+            if (r < n)
+                point[r] = row[3];
         }
     }
     code(end, run->time_low, run->unit, point, w->constants, w->ahead);
@@ -143,6 +143,25 @@ struct agreement {
     double worst;   /* largest error, as a multiple of the allowed one */
     double shorter; /* step on which the terms of the rows that disagree decrease */
 };
+
+/* Error of a slope, as a part of its state's size over the step, below which a series has no hidden terms. */
+static inline double hidden_part(const struct run *run)
+{
+    return HIDDEN * (double)run->order * larger(run->tolerance, EPS);
+}
+
+/* Sum of row[k] weights[k] over k <= order, as four sums. */
+static inline double weighted_sum(const double *row, const double *weights, int64_t order)
+{
+    double sums[4] = {0.0};
+    int64_t k = 0;
+    for (; k + 3 <= order; k += 4)
+        for (int lane = 0; lane < 4; lane++)
+            sums[lane] += row[k + lane] * weights[k + lane];
+    for (; k <= order; k++)
+        sums[0] += row[k] * weights[k];
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+}
 
 /* Value of a row's series at a place on the step (first = 0), or slope of a state (first = 1); adds the terms' sizes to
  * "size". */
@@ -161,11 +180,11 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
 /* Compare the expansion with a new one made at a place on the step.
  *
  * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
- * without branch points need no comparison. The step is "theta" units long. "relative": allowed error of a slope, as a
- * part of the sum of its terms; that of a guard is AGREEMENT.
+ * without branch points need no comparison. The step is "theta" units long. "hidden": compare to HIDDEN tolerances,
+ * otherwise to the part AGREEMENT of the terms' sizes.
  */
 static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
-                       double relative, struct agreement *found)
+                       bool hidden, struct agreement *found)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
@@ -178,6 +197,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     run->expansions += 1;
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
+    double part = hidden ? hidden_part(run) : AGREEMENT;
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
@@ -188,11 +208,13 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
+        if (hidden) /* an error of the slope is one of the state over the step, as the step size counts it */
+            size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
-        double allowed = larger((r < n ? relative : AGREEMENT) * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
-        if (r >= n && !smooth && off > allowed) {
+        double allowed = larger(part * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
+        if ((hidden || (r >= n && !smooth)) && off > allowed) {
             if (!measured)
-                guard_rounding(w, code, end);
+                measure_rounding(w, code, end);
             measured = true;
             allowed = larger(allowed, w->change[r]);
         }
@@ -206,12 +228,48 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     }
 }
 
+/* Check whether terms after the last ones move the end of a step by several tolerances: "hidden" terms.
+ *
+ * The last two terms bound later ones only if no term between is small by symmetry. The series of a pendulum released
+ * at a right angle has only every fourth coefficient, that of cos(t^5) - x at t = 0 those of exp(-t), which decrease,
+ * and every tenth. Hidden terms are in the slopes at the step's end, but not in the polynomial's.
+ */
+static bool has_hidden_terms(const struct work *w, double theta)
+{
+    struct run *run = w->run;
+    int64_t n = run->states, guards = w->mode->guards, order = run->order;
+    w->mode->step_end(theta, w->c, w->change);
+    for (int64_t i = 0; i < n; i++)
+        w->point[i] = w->x[i] + w->change[i];
+    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    run->expansions += 1;
+    double powers[order + 1], slopes[order + 1], part = hidden_part(run); /* theta^k; k theta^k */
+    for (int64_t k = 0; k <= order; k++) {
+        powers[k] = k > 0 ? powers[k - 1] * theta : 1.0;
+        slopes[k] = (double)k * powers[k];
+    }
+    bool clear = true;
+    for (int64_t r = 0; r < n + guards; r++) {
+        const double *row = row_of(w, r), *there = row_ahead(w, r);
+        double off = r < n ? weighted_sum(row, slopes, order) - theta * there[1]
+                           : weighted_sum(row, powers, order) - there[0];
+        clear = clear && fabs(off) <= part * size_of_terms(row, 0, 2, theta);
+    }
+    if (clear) /* most steps */
+        return false;
+    struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
+    for (int64_t g = 0; g < guards; g++)
+        w->faint[g] = 0;
+    compare_at(w, theta, theta, w->mode->slopes, false, true, &found);
+    return !found.agrees;
+}
+
 /* Longest step, theta at most, on which the expansion holds.
  *
  * "unconverged": the terms are examined first. While they grow the step is shortened until they decrease, so that it
  * ends within their circle of convergence. Terms that are zero or end in a gap do not prove convergence (those of a
- * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown"), or
- * if some series has a gap.
+ * high power where it is flat), nor do terms below rounding if the step is much longer than the last one ("grown").
+ * No terms do if there are hidden ones.
  *
  * Then the expansion is compared with new ones, at the end of the step and within it, if some terms do not prove
  * convergence, or if the field or a guard has branch points ("branches"). Beyond a branch point the series of
@@ -230,7 +288,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         const double *row = row_of(w, r);
         if (r >= run->states && w->faint[r - run->states] != 0)
             continue;
-        enum tail tail = tail_shape(row, order, theta, grown || w->gaps ? 0.0 : EPS);
+        enum tail tail = tail_shape(row, order, theta, grown || w->hidden ? 0.0 : EPS);
         if (tail == NOT_DECREASING) {
             while (tail_shape(row, order, theta, EPS) == NOT_DECREASING)
                 theta *= SHORTER;
@@ -238,16 +296,14 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         }
         decreasing = decreasing && tail == DECREASING;
     }
-    double relative = AGREEMENT;
-    if (w->gaps)
-        relative = smaller(larger((double)order * run->tolerance, CLOSEST_AGREEMENT), AGREEMENT);
+    decreasing = decreasing && !w->hidden;
     expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-        compare_at(w, theta, theta, slopes, decreasing, relative, &found);
+        compare_at(w, theta, theta, slopes, decreasing, w->hidden, &found);
         if (found.kept)
-            compare_at(w, 0.37 * theta, theta, slopes, decreasing, relative, &found);
+            compare_at(w, 0.37 * theta, theta, slopes, decreasing, w->hidden, &found);
         if (found.agrees)
             break;
         bool falls = LEAST_PART * theta < found.shorter && found.shorter < theta;

@@ -33,7 +33,7 @@ struct work {
     int64_t *known_zeros, *hits, *faint;
     double *since;
     double *c, *ahead;              /* expansions: of the step, and at the end of a step that is checked */
-    bool gaps;                      /* some series of the step ends in a gap (step_size.c) */
+    bool hidden;                    /* series of the step have hidden terms (validation.c) */
     double *powers, *scaled, *stack;
     double *room;                   /* all of the following */
     double *change, *lower;         /* changes of the states over a step; lower bounds of the guards */

@@ -12,8 +12,6 @@ from scipy.special import ellipk
 
 import henon_ref as hr
 from henon_ref.harness.studies.price.chains import chain
-from henon_ref.taylor.series_form import own_gaps
-from henon_ref.taylor.tape import build_tape
 
 QUARTER = float(ellipk(0.5))
 """Quarter of the period of a pendulum that is released at a right angle; of x'' = -x^3 from (1, 0) it is this, too."""
@@ -135,18 +133,9 @@ def test_a_cycle_of_integrals(rtol: float) -> None:
     assert run.y[:2, -1] == pytest.approx(exact, rel=close(rtol))
 
 
-def test_rows_with_gaps_of_their_own() -> None:
-    """Polynomials by form, integrals of other states and linear combinations have none."""
-    x, v, a, y, p = (sp.Symbol(name, real=True) for name in "xvayp")
-    tape = build_tape((x, v, a, y), (v, sp.sin(a), sp.Integer(1), y * v), (x - 2 * v + p * y, x * v, a**2))
-    assert own_gaps(tape) == [False, True, False, True, False, True, False]
-    cycle = build_tape((x, v, y), (v, x, x), ())
-    assert own_gaps(cycle) == [True, True, False]
-
-
 def test_series_that_converge_fast_have_no_gaps() -> None:
     """The steps of a chain are short for its slow blocks: their terms fall by more than a thousand somewhere."""
     system = chain(16, 0.5)
     x, v = np.random.default_rng(16).uniform(-1, 1, (2, 16))
     run = hr.simulate(system, np.column_stack([2 * x, v]).ravel().tolist(), until=20, rtol=1e-9)
-    assert run.counts.rhs_evaluations < 1.8 * run.counts.steps
+    assert run.counts.rhs_evaluations < 2.3 * run.counts.steps  # after an event one is of slopes alone

@@ -19,7 +19,7 @@ UNDERFLOW = 2.0**-1022
 """Largest error of an operation by underflow: a number below the smallest normal double may be lost."""
 MOST_LINES = 5000
 """Number of instructions above which the function is divided: the time to compile one grows with their square."""
-ROWS = 50
+ROWS = 10
 """Number of results of each part of a divided function."""
 _NAME, _DEFINED = re.compile(r"%v\d+"), re.compile(r"  (%v\d+) = ")
 
@@ -78,6 +78,8 @@ class _Errors:
     def __init__(self, w: IRWriter, expansion: Expansion) -> None:
         self.w, self.expansion = w, expansion
         self.bounds = {at: ZERO for at, node in enumerate(expansion.tape.nodes) if node.op == "state"}
+        self._sizes: dict[int, str] = {}
+        self._rounded_bounds: dict[int, str] = {}
 
     def add(self, at: int) -> None:
         """Compute the bound of a node from those of its arguments."""
@@ -99,8 +101,12 @@ class _Errors:
         total = literal(UNDERFLOW)
         for leaf, factor in factors.items():
             if not (given and nodes[leaf].op in ("state", "clock")):
-                error = w.call("fma", "%unit", self._size(leaf), self.bounds[leaf])
-                total = w.call("fma", w.call("fabs", factor), error, total)
+                error = self._rounded(leaf)
+                total = (
+                    w.plus(error, total)
+                    if factor in (ONE, MINUS)
+                    else w.call("fma", w.call("fabs", factor), error, total)
+                )
         constant = None if given else self.expansion.constants.total(form.constant)
         return total if constant is None else w.call("fma", "%unit", w.call("fabs", constant), total)
 
@@ -134,5 +140,13 @@ class _Errors:
                 return w.binary("fdiv", first, self._size(rule.place(at, node.args)))
         raise NotImplementedError(node.op)
 
+    def _rounded(self, at: int) -> str:
+        """Bound of a node's error and that of rounding it."""
+        if at not in self._rounded_bounds:
+            self._rounded_bounds[at] = self.w.call("fma", "%unit", self._size(at), self.bounds[at])
+        return self._rounded_bounds[at]
+
     def _size(self, at: int) -> str:
-        return self.w.call("fabs", self.expansion.series[at][0] or ZERO)
+        if at not in self._sizes:
+            self._sizes[at] = self.w.call("fabs", self.expansion.series[at][0] or ZERO)
+        return self._sizes[at]
