@@ -1,4 +1,4 @@
-"""Taylor series with gaps, as they begin at symmetric states: the last two coefficients then limit no step."""
+"""Taylor series whose last two coefficients do not bound later ones: gaps at symmetric states, forcings that set in."""
 
 from __future__ import annotations
 
@@ -70,6 +70,51 @@ def quadrature(field: str, from_: float, until: float) -> float:
     if until > 2:
         places += mpmath.linspace(2, until, 20)[1:]
     return float(mpmath.quad(function, places))
+
+
+RAMPS = ["tanh(t^{})", "1 - exp(-t^{})", "cos(t^{})", "1/(1 + t^{})"]
+"""Forcings that set in at t = 0 by a power of t."""
+
+
+def linear_response(rate: complex, forcing: str) -> complex:
+    """exp(2 rate) times the integral of exp(-rate t) forcing over [0, 2]."""
+    function = sp.lambdify("t", forcing.replace("^", "**"), "mpmath")
+    return complex(mpmath.quad(lambda t: mpmath.exp(rate * (2 - t)) * function(t), mpmath.linspace(0, 2, 30)))
+
+
+@pytest.mark.parametrize("rate", [0.5, -0.5])
+@pytest.mark.parametrize("ramp", RAMPS)
+@pytest.mark.parametrize("power", [3, 4, 5, 7, 9, 14])
+def test_a_forcing_behind_a_series_that_decreases(power: int, ramp: str, rate: float) -> None:
+    """The terms of exp(rate t) decrease; behind the last ones are those of the forcing."""
+    forcing = ramp.format(power)
+    exact = math.exp(2 * rate) + linear_response(rate, forcing).real
+    system = hr.System(["x"], {}, {}, [f"{forcing} + ({rate})*x"])
+    for k in range(3, 16):
+        run = hr.simulate(system, {"x": 1}, until=2, rtol=10.0**-k)
+        assert run.y[0, -1] == pytest.approx(exact, rel=20 * 10.0**-k + 1e-13), k
+
+
+@pytest.mark.parametrize("ramp", RAMPS)
+@pytest.mark.parametrize("power", [3, 4, 7, 14])
+def test_a_forced_oscillator(power: int, ramp: str) -> None:
+    forcing = ramp.format(power)
+    response = linear_response(1j, forcing)  # (v + ix)' = i (v + ix) + forcing
+    system = hr.System(["x", "v"], {}, {}, ["v", f"{forcing} - x"])
+    for k in range(3, 16):
+        run = hr.simulate(system, {"x": 2, "v": 0}, until=2, rtol=10.0**-k)
+        exact = 2 * math.cos(2) + response.imag, -2 * math.sin(2) + response.real
+        assert run.y[:, -1] == pytest.approx(exact, abs=50 * 10.0**-k + 1e-13), k
+
+
+@TOLERANCES
+@pytest.mark.parametrize("power", [4, 7, 9, 14, 25])
+def test_a_guard_behind_a_series_that_decreases(power: int, rtol: float) -> None:
+    """The field is linear; the guard alone has terms behind those of the exponential function."""
+    system = hr.System(["x"], {}, {"h": f"x - tanh(t^{power})"}, ["-x/2"])
+    crossing = mpmath.findroot(lambda t: mpmath.exp(-t / 2) - mpmath.tanh(t**power), (0.5, 1.5), solver="anderson")
+    run = hr.simulate(system, {"x": 1}, until=3, rtol=rtol)
+    assert run.transitions["time_s"].tolist() == pytest.approx([float(crossing)], abs=20 * rtol + 1e-13)
 
 
 @TOLERANCES
