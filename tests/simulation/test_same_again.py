@@ -19,7 +19,7 @@ RUNS: dict[str, tuple[System, dict[str, Any], float, dict[str, Any]]] = {
     "pressed on a stop": (System(*PRESSED, resets=STOP), {"x": 1, "v": 0}, 3, {"u": 0}),
     "flying to a stop": (System(*PRESSED, resets=STOP), {"x": 0, "v": 0}, 3, {"u": 0}),
     # Crossings, sticks and releases at the horizon, where no mode behind them is compiled at first.
-    "kink at the horizon": (System(["x", "v"], {}, {"s": "v - 2"}, ["v", "-max(v, 0) - s/2"]), {"x": 1, "v": -1}, 2, {}),
+    "kink at the horizon": (System(["x", "v"], {}, {"s": "v - 2"}, ["v", "-max(v,0) - s/2"]), {"x": 1, "v": -1}, 2, {}),
     "crossing": (System(["x", "v"], {}, {"s": "v - 2", "r": "v"}, ["v", "1 - r/2"]), {"x": 0, "v": -1.5}, 1, {}),
     "stick": (System(["x", "v"], {}, {"s": "x - 9", "r": "v"}, ["v", "-1/2 - r"]), {"x": 0, "v": 3}, 2, {}),
     "release": (System(["v", "w"], {}, {"s": "w - 9", "r": "v"}, ["w - r", "1"]), {"v": 0, "w": 0}, 1, {}),
