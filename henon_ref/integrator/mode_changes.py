@@ -262,6 +262,9 @@ def enter_new_mode(run: State) -> Ending | None:
     entry = 0 if what == kernel.STICK else run.integrator.mode_table.guards(mode)[hit].to_sign
     if _compiled_behind(run, mode, hit, entry):
         return None
+    if run.scalars.event_pending == kernel.UNSETTLED:
+        run.scalars.event_pending = 0
+        return locate(run)
     return select_mode(run)  # no such mode, or known zeros must be determined
 
 
@@ -272,6 +275,8 @@ def _compiled_behind(run: State, mode: Mode, hit: int, entry: int) -> bool:
     if mode_table.row(replaced(mode, guard.index, entry)) is None or mode_table.leads_to(row, hit, entry) < 0:
         return False
     run.count("new_modes")
+    if run.scalars.event_pending == kernel.UNSETTLED:
+        return True
     if guard.kind == "surface":
         run.scalars.expansions -= 1  # its normal velocities are counted again
     run.scalars.event_pending = 1

@@ -178,7 +178,8 @@ static bool look_beyond(struct work *w, const struct pair_expansion *own, const 
 
 /* Determine the transition where a guard falls through zero or touches it; false if two numbers do not decide it.
  *
- * After a touch the mode continues without a transition, unless the other side's field leads away as well.
+ * After a touch the mode continues without a transition, unless the other side's field leads away as well. The mode
+ * found is -1 if it must be compiled first: how an event is decided does not depend on what was compiled before.
  */
 static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g, struct near_place near,
                       struct bounded time, const struct bounded *state, struct change *found)
@@ -186,9 +187,10 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     const struct guard *guard = &w->mode->guard[g];
     bool touching = near.what == TOUCHING;
     *found = (struct change){RELEASED, guard->mode_across, guard->zeros_at_release};
-    if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump
-        || guard->mode_across < 0)
+    if (guard->kind == VALID || guard->coupled != UNCOUPLED || guard->hold_zone != 0 || guard->jump)
         return false;
+    if (guard->mode_across < 0)
+        return true;
     if (guard->kind == RELEASE && near.what == FALLING && near.order > 1) { /* left tangentially to a higher order */
         found->zeros += near.order - 1;
         return guard->zeros_at_release == 2;
@@ -209,11 +211,13 @@ static bool change_at(struct work *w, const struct pair_expansion *e, int64_t g,
     derivatives(e, series_of(e, w->run->states + g), near.at.high, derivative);
     if (!(fabs(away.rate.high) > larger(CLEAR * error, TANGENT * fabs(derivative[1]))))
         return false;
+    if (touching)
+        return away.rate.high < 0.0;
     if (away.rate.high > 0.0)
         *found = (struct change){CROSSING, guard->mode_across, 1};
     else
         *found = (struct change){STICK, guard->mode_stuck, 0};
-    return touching ? away.rate.high < 0.0 : found->mode >= 0;
+    return true;
 }
 
 /* Split a number into two doubles. */
@@ -271,8 +275,14 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
     struct change found = {0};
     bool jumps = near.what == FALLING && guard->jump && !late;
-    if (event && !late && !jumps && !change_at(w, e, g, near, time, state, &found))
-        return UNDECIDED_EVENT;
+    if (event && !late && !jumps) {
+        if (!change_at(w, e, g, near, time, state, &found))
+            return UNDECIDED_EVENT;
+        if (found.mode < 0) {
+            run->pending_kind = found.kind, run->pending_mode = -1, run->event_pending = UNSETTLED;
+            return MODE_NOT_COMPILED;
+        }
+    }
     step_to(w, time, state, step.high);
     if (jumps) { /* jump.c decides what follows */
         for (int64_t k = 0; k < w->mode->guards; k++)
@@ -298,13 +308,13 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
 }
 
 /* Decide the event that double precision left undecided on a step; UNDECIDED_EVENT if multiprecision is needed. */
-static int64_t settle_event(struct work *w, double natural)
+static int64_t settle_event(struct work *w)
 {
     struct pair_expansion e = {.tape = w->mode->tape, .constants = w->constants};
     if (!make_room(&e))
         return UNDECIDED_EVENT;
     struct bounded *state = malloc((size_t)w->run->states * sizeof(struct bounded));
-    int64_t code = state ? settle(w, &e, w->run->guard, natural, state) : UNDECIDED_EVENT;
+    int64_t code = state ? settle(w, &e, w->run->guard, w->run->natural_length / w->run->unit, state) : UNDECIDED_EVENT;
     free(state);
     free(e.series);
     return code;

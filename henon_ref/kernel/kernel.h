@@ -71,6 +71,7 @@ enum return_code {
 enum points_code { DONE, BUFFER_FULL, PAUSE, ASIDE };
 
 enum {
+    UNSETTLED = 2,         /* value of event_pending in struct run */
     REMEMBERED_STEPS = 64, /* modes of which a run keeps the last step, in the order of their first entry; a mode that
                               is entered again begins with its last step */
     CHUNK = 1024,          /* transitions in one block of memory */
@@ -222,6 +223,7 @@ struct run {
     double event_time, event_time_low; /* s: last event */
     double suspect;                    /* s: place of an undecided event, from the step's start */
     double step_length;                /* s: length of a step that is undecided or OUT_OF_RANGE */
+    double natural_length;             /* s: length of an undecided step before it was cut at the horizon */
     double longest_step;               /* s: limit of the first step in a mode, and of steps near branch points */
     double horizon, horizon_low;       /* s */
     double tolerance;                  /* local error, relative to each row's size on the step */
@@ -236,7 +238,8 @@ struct run {
     int64_t step_place;                /* place of the present mode among them */
     int64_t pending_kind;              /* kind of the event that leads to a mode without a row */
     int64_t pending_mode;              /* number of that mode; -1: the one across the guard last hit */
-    int64_t event_pending;             /* 1 if the present event has not been processed yet */
+    int64_t event_pending;             /* 1 if the present event has not been processed yet, UNSETTLED if a mode that
+                                          was not compiled kept double-double from deciding it */
     int64_t order;
     int64_t method;                    /* of landing */
     int64_t transition_capacity;       /* of a block of memory, in transitions */

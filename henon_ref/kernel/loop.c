@@ -187,10 +187,10 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
         fill_samples(w, part);
     run->guard = event.guard, run->landing = event.undecided ? BRACKET : event.landing;
     if (event.undecided) {
-        run->suspect = part * unit, run->step_length = look.theta * unit;
+        run->suspect = part * unit, run->step_length = look.theta * unit, run->natural_length = look.natural;
         if (w->mode->branches)
             run->longest_step = 1e3 * look.theta * unit;
-        return settle_event(w, look.natural / unit);
+        return settle_event(w);
     }
     return take_step(w, &look, &event, part);
 }
@@ -206,11 +206,13 @@ HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, doubl
     work.samples = samples, work.sample_count = count;
     put_together(&work);
     int64_t stop_at = least(run->steps + BUDGET, run->most_steps);
-    int64_t code = run->event_pending == 0 ? ON : EVENT;
+    int64_t pending = run->event_pending, code = pending == 0 ? ON : EVENT;
     bool shrunk = false;
     if (run->steps == 0)
         keep_origin(&work);
     run->event_pending = 0;
+    if (pending == UNSETTLED)
+        code = settle_event(&work);
     while (true) {
         if (code == EVENT) {
             code = apply_event(&work);

@@ -153,10 +153,18 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
     zone, and the contact is decided like a contact with static friction. Surfaces that are only multiples of one
     surface are one contact for :func:`henon_ref.modes.sliding.filippov_sliding` and are not changed here. A stop on
     which a body rests may be part of a loop, for example with the contacts of a block with a wall and with that body.
+
+    The loops are those that hold for all values of the parameters: one system may run at any of them.
     """
+    own = _overrides_in_loops(replace(system, parameters={}))
+    return replace(system, overrides={**system.overrides, **own}) if own else system
+
+
+def _overrides_in_loops(system: FilippovSystem) -> dict[int, SlidingOverride]:
+    """Return the overrides of contacts without static friction in loops, by surface."""
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
     if not relations(system.velocities, tuple(acting)):
-        return system
+        return {}
     lone = {i: _held(system, i) for i in acting if i not in system.overrides and i not in system.resets}
     plain = {i: override for i, override in lone.items() if override is not None}
     contacts = tuple(i for i in acting if i in plain or system.held_inside(i) or system.rests(i))
@@ -177,7 +185,7 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
         for circuit in circuits(found[k]):
             if not more.keys().isdisjoint(circuit) and whole.can_slide(frozenset(circuit)):
                 own |= {i: more[i] for i in circuit if i in more}
-    return replace(system, overrides={**system.overrides, **own}) if own else system
+    return own
 
 
 def _held(system: FilippovSystem, index: int) -> SlidingOverride | None:
