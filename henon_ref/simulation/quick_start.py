@@ -136,7 +136,12 @@ class QuickStart:
             return None
         exact = partial(_exact_numbers, point[1:], names, given)
         found = self.integrator.begin_at(constants, self._template, numbers, exact, entries)
-        wrong = found.refused is not None and (entries or found.refused.status == "failed")
+        stops = self._system.scene_stops
+        if found.refused is not None:
+            wrong = bool(entries or stops or found.refused.status == "failed")
+        else:
+            reached = self.integrator.mode_table.mode(found.scalars.mode) if stops else ()
+            wrong = any(reached[stop] < 0 for stop in stops)  # beyond a stop
         return None if wrong else found  # the reader reports the error
 
     def _read(

@@ -126,6 +126,8 @@ def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
             clear &= np.isfinite(values)
         for condition in system.conditions:
             clear &= values_at(condition, point, count) > CLEARLY
+        for stop in system.scene_stops:
+            clear &= values_at(system.model.surfaces[stop], {**point, TIME.name: start}, count) > CLEARLY
         clear &= ~_may_have_open_kinks(system.model, {**point, TIME.name: start}, count)
     reasons, open_kinks = np.full(count, None, dtype=object), np.full(count, NO_KINKS, dtype=object)
     for k in np.flatnonzero(~clear).tolist():
