@@ -291,11 +291,6 @@ class System:
         return read_scene(source).conditions if source.has_scene else ()
 
     @cached_property
-    def scene_stops(self) -> tuple[int, ...]:
-        """Indices of the hard stops of the scene: a start beyond one, or on one and moving into it, is refused."""
-        return tuple(sorted(self.model.resets)) if Source(self.tree).has_scene else ()
-
-    @cached_property
     def parameter_expressions(self) -> dict[str, sp.Expr]:
         """Parameter given as text -> its expression in the other parameters."""
         tree = child(self.tree, ["system" if "system" in self.tree.entries else "scene", "parameters"])
