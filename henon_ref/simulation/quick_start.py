@@ -32,6 +32,7 @@ from henon_ref.integrator.pairs import Pair, exact_expression, exact_number, pai
 from henon_ref.kernel.library import kernel
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.simulation.system import System
+from henon_ref.system.source import Source
 
 CLEARLY = 1e-9
 """A condition on the parameters above this value holds, whatever the rounding."""
@@ -93,7 +94,7 @@ class QuickStart:
     """
 
     def __init__(self, system: System, integrator: Integrator, tolerance: float) -> None:
-        self._system, self.integrator = system, integrator
+        self._system, self.integrator, self._stops = system, integrator, stops_of(system)
         self._template = run_template(integrator.mode_table.sizes, tolerance=tolerance)
         programs, self._own = integrator.programs, system.model.parameters
         self._values = [*chain.from_iterable(double_double(self._own[symbol]) for symbol in programs.parameters)]
@@ -136,7 +137,11 @@ class QuickStart:
             return None
         exact = partial(_exact_numbers, point[1:], names, given)
         found = self.integrator.begin_at(constants, self._template, numbers, exact, entries)
-        wrong = found.refused is not None and (entries or found.refused.status == "failed")
+        if found.refused is not None:
+            wrong = bool(entries or self._stops or found.refused.status == "failed")
+        else:
+            reached = self.integrator.mode_table.mode(found.scalars.mode) if self._stops else ()
+            wrong = any(reached[stop] < 0 for stop in self._stops)  # beyond a stop
         return None if wrong else found  # the reader reports the error
 
     def _read(
@@ -236,6 +241,11 @@ class QuickStart:
         known |= {name: exact_expression(value) for name, value in numbers.items()}
         known |= {name: own.exact(numbers) for name, own in changes[0].items()}
         return [known[symbol.name] for symbol in self.integrator.programs.parameters]
+
+
+def stops_of(system: System) -> tuple[int, ...]:
+    """Return the hard stops of a scene: a start beyond one, or on one and moving into it, is refused."""
+    return tuple(sorted(system.model.resets)) if Source(system.tree).has_scene else ()
 
 
 def _pairs_of_parameters(parameters: Mapping[Any, Any] | None) -> tuple[Pair, ...] | None:

@@ -23,7 +23,7 @@ from henon_ref.kernel.library import kernel
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.simulation.arguments import problem_of
-from henon_ref.simulation.quick_start import CLEARLY
+from henon_ref.simulation.quick_start import CLEARLY, stops_of
 from henon_ref.sweeps.table_files import Columns, Vector
 from henon_ref.sweeps.work import NO_KINKS, START, UNTIL, Runs, Work
 from henon_ref.taylor.tape import TIME
@@ -126,6 +126,8 @@ def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
             clear &= np.isfinite(values)
         for condition in system.conditions:
             clear &= values_at(condition, point, count) > CLEARLY
+        for stop in stops_of(system):
+            clear &= values_at(system.model.surfaces[stop], {**point, TIME.name: start}, count) > CLEARLY
         clear &= ~_may_have_open_kinks(system.model, {**point, TIME.name: start}, count)
     reasons, open_kinks = np.full(count, None, dtype=object), np.full(count, NO_KINKS, dtype=object)
     for k in np.flatnonzero(~clear).tolist():

@@ -78,6 +78,26 @@ def test_a_scene_does_not_allow_every_value() -> None:
         assert "larger than 0" in message
 
 
+def test_a_start_beyond_a_stop_or_moving_into_it() -> None:
+    """The sweep, and every simulation but the first of a system, let the body fall through the stop."""
+    scene = hr.Scene({"gap": 0})
+    body = scene.body("a", 1)
+    scene.stop(body, scene.wall, gap="gap", restitution=0.8)
+    scene.force(body, -10)
+    system = scene.system()
+    for name, values in {"x_a": [1, -1, 0], "gap": [0, 2, 0.5]}.items():
+        found = statuses(system, {"x_a": 1, "v_a": 0}, {name: values})
+        assert [status for status, _ in found] == ["ok", "failed", "ok"]
+        assert "the start is beyond the stop g_a_wall" in found[1][1]
+    for start, words in (((-1, 0), "beyond the stop"), ((0, -1), "moves into it")) * 2:
+        with pytest.raises(HenonRefError, match=words):
+            hr.simulate(system, start, until=1)
+    count = hr.observe.function(lambda run: len(run.transitions), name="n")
+    for speeds in ([-1, 1], [1, -1]):
+        table = hr.sweep(system, {"x_a": 0, "v_a": 0}, until=1, grid={"v_a": speeds}, observe=[count], jobs=1)
+        assert np.isnan(table["n"].to_numpy()).tolist() == [speed < 0 for speed in speeds]
+
+
 def test_a_mode_that_the_start_contradicts() -> None:
     found = statuses(sliding_block(), {"x": 0, "v": "F-1"}, {"F": [1, 2]}, mode={"s": 1})
     assert [status for status, _ in found][1] == "ok"
