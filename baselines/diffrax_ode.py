@@ -210,7 +210,7 @@ def jax_function(source: ModeSource, expressions: Sequence[sp.Expr]) -> Callable
 
     def values(t: Any, x: Any, numbers: Any) -> Any:
         found = function(t, *(x[k] for k in range(n)), *(numbers[k] for k in range(count)))
-        return jnp.stack([jnp.asarray(value, dtype=float) for value in found])
+        return jnp.array(found, dtype=float)  # unlike stack(), also of an empty list: a mode may have no guards
 
     return values
 

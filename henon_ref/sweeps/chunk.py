@@ -104,10 +104,32 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
         own = np.arange(step, len(runs), work.chain)
         if step:
             carried = own[runs.status[own - 1] == "ok"]
-            runs.initial[carried] = decimal_pairs(runs.end_state[carried - 1])
+            runs.initial[carried] = decimal_pairs(_carried_states(runs, carried))
             runs.end_state[carried] = runs.initial[carried, :, 0]
         _run_step(runs, own[wrong[own] == None], open_kinks)  # noqa: E711 - entry by entry
     return runs
+
+
+def _carried_states(runs: Runs, own: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the final states of the points before some points, moved onto the surfaces that hold there.
+
+    The state of a contact that holds is on its surface only up to rounding; beside it the next run would begin without
+    contact. A surface that is not where it was, since it depends on time or on the parameter of the chain, is left.
+    """
+    system, before = runs.system.model, own - 1
+    states, holding = runs.end_state[before].copy(), runs.holding(before)
+    now, then = ({name: pairs[at, 0] for name, pairs in runs.numbers.items()} for at in (own, before))
+    now, then = {**now, TIME.name: runs.times[own, 0, 0]}, {**then, TIME.name: runs.end_time[before]}
+    for i, surface in enumerate(system.surfaces):
+        rates = [surface.diff(state) for state in system.states]
+        moves = next((j for j, rate in enumerate(rates) if rate != 0 and rate.is_number), None)
+        if moves is None or not holding[:, i].any():
+            continue
+        point = dict(zip(runs.system.state, states.T, strict=True))
+        off, there = (values_at(surface, {**numbers, **point}, len(own)) for numbers in (now, then))
+        moved = holding[:, i] & (off == there)
+        states[moved, moves] -= off[moved] / float(rates[moves])
+    return states
 
 
 def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -109,7 +109,8 @@ def continuation(
 ) -> Points:
     """Points along a line, each starting in the final state of its neighbour, so that hysteresis becomes visible.
 
-    A point whose neighbour did not end ``ok`` starts at the sweep's initial values. Time starts anew at each point: for
+    A contact that holds there (a stick, a rest on a stop) begins on its surface, if that is where it was. A point whose
+    neighbour did not end ``ok`` starts at the sweep's initial values. Time starts anew at each point: for
     a time-dependent system, choose a whole number of periods as the horizon.
 
     Parameters

@@ -201,6 +201,11 @@ class Runs:
         """Return the indices of some modes in ``modes``, followed by -1."""
         return np.array([*(self._rows.setdefault(mode, len(self._rows)) for mode in modes), -1])
 
+    def holding(self, own: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which surfaces hold at the end of some runs, shape (K, surfaces)."""
+        found: NDArray[np.bool_] = np.array([*self._rows])[self.end_mode[own]] == 0
+        return found
+
     @cached_property
     def records(self) -> NDArray[Any]:
         """Transitions sorted by run and time: :func:`henon_ref.integrator.records.transition_dtype`."""

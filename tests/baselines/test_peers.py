@@ -123,6 +123,11 @@ def test_several_surfaces(runs: Runs) -> None:
     assert found["times"][-1] == pytest.approx(3.927104415444, abs=1e-7)
 
 
+def test_a_mode_without_guards(runs: Runs) -> None:
+    found = runs("diffrax-dopri8", "at_rest_for_good", 1e-6)
+    assert (found["status"], found["times"][0]) == ("ok", pytest.approx(1, abs=1e-6))
+
+
 @pytest.mark.slow  # daily: diffrax on a plain case; its claims are in test_causes.py
 def test_two_guards_that_fall_at_once_are_both_seen(runs: Runs) -> None:
     """diffrax names one; its dense output finds the root some roundings away from where the other one says."""

@@ -54,6 +54,13 @@ def static_belt(until: str = "20") -> Problem:
 
 
 @cache
+def at_rest_for_good() -> Problem:
+    """x' = (1 - sgn x)/2 from -1: at rest from t = 1, in a mode that nothing leaves."""
+    system = FilippovSystem((X,), (S,), (X,), ((1 - S) / 2,))
+    return Problem(system, sp.Integer(0), (sp.Integer(-1),), sp.Integer(10))
+
+
+@cache
 def stribeck_belt(until: str = "40") -> Problem:
     """x'' + x = -sgn(v) / (1 + 3 abs(v)), v = x' - 0.2, from (1, 0.2) (Leine 1998).
 
