@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import henon_ref as hr
 from henon_ref.errors import ArgumentError
 from henon_ref.sweeps import table_files
 from henon_ref.sweeps.points import Points, continuation, grid, points_of, random, table
