@@ -17,8 +17,7 @@ from flint import acb, arb, arb_mat
 
 from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError, diagonal
-from henon_ref.enclosure.event import Hit
-from henon_ref.enclosure.return_map import Guess, OrbitError, ReturnMap
+from henon_ref.enclosure.return_map import Guess, OrbitError, OrbitEvent, ReturnMap
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import working_precision
@@ -43,7 +42,7 @@ class PeriodicOrbit:
     """State at the start."""
     mode: Mode
     period: arb
-    events: tuple[Hit, ...]
+    events: tuple[OrbitEvent, ...]
     """Over one period, from the start on."""
     derivative: arb_mat
     """Derivative of the return map in the free coordinates, saltation included."""
@@ -60,8 +59,8 @@ class PeriodicOrbit:
         if not self.events:
             return []
         with working_precision(self.bits):
-            times = [*(event.box[0] for event in self.events), self.events[0].box[0] + self.period]
-            return [times[i + 1] - times[i] for i, event in enumerate(self.events) if event.after == mode]
+            times = [*(event.time for event in self.events), self.events[0].time + self.period]
+            return [times[i + 1] - times[i] for i, event in enumerate(self.events) if event.to_mode == mode]
 
 
 def find_periodic_orbit(system: FilippovSystem, guess: Guess, *, radius: float = 1e-40) -> PeriodicOrbit:

@@ -59,6 +59,16 @@ class Guess:
 
 
 @dataclass(frozen=True)
+class OrbitEvent:
+    """One change of mode on the orbit."""
+
+    from_mode: Mode
+    to_mode: Mode
+    time: arb
+    state: tuple[arb, ...]
+
+
+@dataclass(frozen=True)
 class MappedPoint:
     """Result of the return map."""
 
@@ -68,7 +78,7 @@ class MappedPoint:
     """Derivative of the end by the start, in free coordinates."""
     elapsed: arb
     """Time taken [s]."""
-    events: tuple[Hit, ...]
+    events: tuple[OrbitEvent, ...]
     state: tuple[arb, ...]
     """Full state at the start."""
 
@@ -131,7 +141,7 @@ class ReturnMap:
             [end[i + 1] for i in self.free],
             self._derivative(flow.derivative, begin),
             end[0] - self.time,
-            tuple(events),
+            tuple(OrbitEvent(h.before, h.after, h.box[0], h.box[1:]) for h in events),
             tuple(state),
         )
 

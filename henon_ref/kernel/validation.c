@@ -24,6 +24,8 @@
 #define ROUNDING (1e3 * EPS)
 /* Relative error of a slope at which expansions agree. */
 #define AGREEMENT 1e-6
+/* The smallest relative error that is required of guards, and where there are branch points. */
+#define CLOSEST_AGREEMENT 1e-10
 /* Error of a step's end, in tolerances, below which its series has no hidden terms. */
 #define HIDDEN 4.0
 /* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
@@ -144,10 +146,13 @@ struct agreement {
     double shorter; /* step on which the terms of the rows that disagree decrease */
 };
 
-/* Error of a slope, as a part of its state's size over the step, below which a series has no hidden terms. */
-static inline double hidden_part(const struct run *run)
+/* Error of a slope, as a part of its state's size over the step, or of a guard, below which there are no hidden terms. */
+static inline double hidden_part(const struct work *w, bool guard)
 {
-    return HIDDEN * (double)run->order * larger(run->tolerance, EPS);
+    double part = HIDDEN * (double)w->run->order * larger(w->run->tolerance, EPS);
+    if (guard || w->mode->branches)
+        part = larger(part, CLOSEST_AGREEMENT);
+    return w->mode->branches ? smaller(part, AGREEMENT) : part;
 }
 
 /* Sum of row[k] weights[k] over k <= order, as four sums. */
@@ -197,7 +202,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     run->expansions += 1;
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
-    double part = hidden ? hidden_part(run) : AGREEMENT;
+    bool measurable = hidden && !w->mode->branches; /* next to a branch point rounding excuses no slope */
     bool measured = false;
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
@@ -208,11 +213,12 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
-        if (hidden) /* an error of the slope is one of the state over the step, as the step size counts it */
+        if (measurable) /* an error of the slope is one of the state over the step, as the step size counts it */
             size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
+        double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
         double allowed = larger(part * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
-        if ((hidden || (r >= n && !smooth)) && off > allowed) {
+        if ((measurable || (r >= n && !smooth)) && off > allowed) {
             if (!measured)
                 measure_rounding(w, code, end);
             measured = true;
@@ -243,7 +249,7 @@ static bool has_hidden_terms(const struct work *w, double theta)
         w->point[i] = w->x[i] + w->change[i];
     w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    double powers[order + 1], slopes[order + 1], part = hidden_part(run); /* theta^k; k theta^k */
+    double powers[order + 1], slopes[order + 1]; /* theta^k; k theta^k */
     for (int64_t k = 0; k <= order; k++) {
         powers[k] = k > 0 ? powers[k - 1] * theta : 1.0;
         slopes[k] = (double)k * powers[k];
@@ -253,7 +259,7 @@ static bool has_hidden_terms(const struct work *w, double theta)
         const double *row = row_of(w, r), *there = row_ahead(w, r);
         double off = r < n ? weighted_sum(row, slopes, order) - theta * there[1]
                            : weighted_sum(row, powers, order) - there[0];
-        clear = clear && fabs(off) <= part * size_of_terms(row, 0, 2, theta);
+        clear = clear && fabs(off) <= hidden_part(w, r >= n) * size_of_terms(row, 0, 2, theta);
     }
     if (clear) /* most steps */
         return false;
@@ -282,7 +288,8 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
 {
     const struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards, order = run->order;
-    bool decreasing = true;
+    bool decreasing = true, hidden = w->hidden;
+    double proposed = theta;
     mark_faint(w);
     for (int64_t r = 0; r < (unconverged ? rows : 0); r++) {
         const double *row = row_of(w, r);
@@ -296,14 +303,16 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
         }
         decreasing = decreasing && tail == DECREASING;
     }
-    decreasing = decreasing && !w->hidden;
+    if (hidden && theta < proposed)
+        hidden = has_hidden_terms(w, theta);
+    decreasing = decreasing && !hidden;
     expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-        compare_at(w, theta, theta, slopes, decreasing, w->hidden, &found);
+        compare_at(w, theta, theta, slopes, decreasing, hidden, &found);
         if (found.kept)
-            compare_at(w, 0.37 * theta, theta, slopes, decreasing, w->hidden, &found);
+            compare_at(w, 0.37 * theta, theta, slopes, decreasing, hidden, &found);
         if (found.agrees)
             break;
         bool falls = LEAST_PART * theta < found.shorter && found.shorter < theta;

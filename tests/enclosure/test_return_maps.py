@@ -36,11 +36,11 @@ def at_the_end(problem: Problem, period: sp.Expr) -> Guess:
 def test_forced_coulomb_orbit_and_its_derivative(den_hartog: Problem) -> None:
     """The return map's determinant is the product of two saltations: jumps of v' at a turn, (a - F)/(a + F) each."""
     found = find_periodic_orbit(den_hartog.system, at_the_end(den_hartog, sp.pi))
-    assert [e.after for e in found.events] == [(1,), (-1,)]
+    assert [e.to_mode for e in found.events] == [(1,), (-1,)]
     assert found.dimension == 2
     with ctx.workprec(found.bits):
-        assert found.events[0].box[0].overlaps(enclose(sp.pi / 2))
-        assert found.events[1].box[0].overlaps(enclose(sp.pi))
+        assert found.events[0].time.overlaps(enclose(sp.pi / 2))
+        assert found.events[1].time.overlaps(enclose(sp.pi))
         x0 = sp.sqrt(sp.Rational(1, 9) - sp.Rational(1, 100))
         # At a turn from x0: v' without friction is -4 x0 (x0 = -V P cos phi, W = 2).
         jump = (4 * x0 - sp.Rational(1, 5)) / (4 * x0 + sp.Rational(1, 5))
@@ -79,7 +79,7 @@ def test_fig8_plane_map_of_the_equations() -> None:
     found = find_periodic_orbit(systems.fig8("equations").system, guess, radius=1e-15)
     assert found.durations((0,)) == []
     assert [float(m.real) for m in found.multipliers] == pytest.approx([-0.6639, -0.5638], abs=5e-5)
-    down, up = (float(e.box[0]) % float(PERIOD) for e in found.events)
+    down, up = (float(e.time) % float(PERIOD) for e in found.events)
     assert (up, down) == pytest.approx((0.3500047649, 0.9327451920), abs=1e-10)
 
 
