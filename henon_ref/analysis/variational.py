@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 from henon_ref.analysis.saltation import Matrix, Saltation, TangentSpace
 from henon_ref.expressions.bounds import double_double
 from henon_ref.integrator.integrator import Integrator, order_for
-from henon_ref.integrator.records import HENON
 from henon_ref.integrator.run import Run
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.equations import ModeEquations
@@ -134,7 +133,7 @@ class TangentFlow:
         self._integrator = Integrator(AugmentedSystem.of(problem.system), order_for(tolerance))
         more = (*(sp.Integer(i == j) for i in range(n) for j in range(n)), sp.Integer(0))
         augmented = replace(problem, system=self._integrator.system, initial=problem.initial + more)
-        start = self._integrator.start(augmented, tolerance=tolerance, landing=HENON)
+        start = self._integrator.start(augmented, tolerance=tolerance)
         self.refused = start.refused
         self._run = Run(self._integrator, start, block=1)
 
