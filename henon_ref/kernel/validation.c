@@ -2,9 +2,9 @@
  *
  * The step size relies on two terms; the validation examines all of them. Terms must decrease towards the last ones.
  * They must not vanish all at once (a gap does not bound the terms after it), nor cancel by more digits than double
- * precision can spare. Next to a branch point of an operation (sqrt, power, asin) the step ends before the radius of
- * convergence. A step that fails is shortened. This is a heuristic of the reference alone; proofs bound the tails
- * (henon_ref/enclosure/tail_bounds.py).
+ * precision can spare. Terms hidden behind the last ones show in the slopes at the step's end. Next to a branch point
+ * of an operation (sqrt, power, asin) the step ends before the radius of convergence. A step that fails is shortened.
+ * This is a heuristic of the reference alone; proofs bound the tails (henon_ref/enclosure/tail_bounds.py).
  */
 
 /* Factor of one shortening while terms grow; also the largest ratio of the last two terms of a step without a check. */
@@ -264,8 +264,7 @@ static bool has_hidden_terms(const struct work *w, double theta)
     if (clear) /* most steps */
         return false;
     struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-    for (int64_t g = 0; g < guards; g++)
-        w->faint[g] = 0;
+    mark_faint(w);
     compare_at(w, theta, theta, w->mode->slopes, false, true, &found);
     return !found.agrees;
 }
