@@ -28,7 +28,8 @@
 #define CLOSEST_AGREEMENT 1e-10
 /* Error of a step's end, in tolerances, below which its series has no hidden terms. */
 #define HIDDEN 4.0
-/* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
+/* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points; of a slope, as one of
+ * the bound for its own operations where the step begins. */
 #define SPREAD 8.0
 /* Number of places on a step at which the size of a row is sampled. */
 #define SIZE_POINTS 4
@@ -118,7 +119,7 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
  *
  * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
  * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
- * rounding. The operations of a slope add their own (1 - exp(-t^8) is 0 up to t = 0.01). "ahead", the expansion of the point by "code" at time "end", is restored.
+ * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
  */
 static void measure_rounding(const struct work *w, expand_code code, double end)
 {
@@ -142,9 +143,6 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
                 point[r] = row[3];
         }
     }
-    w->mode->rounding(end, run->time_low, OWN_ROUNDING, point, w->constants, w->ahead);
-    for (int64_t r = 0; r < n; r++)
-        rounding[r] = larger(rounding[r], run->unit * w->ahead[r]);
     code(end, run->time_low, run->unit, point, w->constants, w->ahead);
     run->expansions += 3;
 }
@@ -155,6 +153,7 @@ struct agreement {
     bool kept;      /* all of them except guards without branch points */
     double worst;   /* largest error, as a multiple of the allowed one */
     double shorter; /* step on which the terms of the rows that disagree decrease */
+    double longest; /* longest step so far at whose end no prediction is far off */
 };
 
 /* Error of a slope, as a part of its state's size over the step, or of a guard, below which there are no hidden terms. */
@@ -193,14 +192,17 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
     return predicted;
 }
 
-/* Largest change of a state without a size, over the steps that are compared, as a part of "at", the present one; 0 for
- * other states. Its power of time may be higher than the order, so that the relative error is 1 on every short step. */
-static inline double reached(const struct work *w, int64_t state, double slope, double at)
+/* Largest change of a state without a size on longer steps that were compared, per length "at" of the present step.
+ *
+ * Its power of time may be higher than the order; then the relative error of its slope is 1 on every short step. 0 for
+ * other states, and if the step is longer than a quarter of the longest one.
+ */
+static inline double reached(const struct work *w, int64_t state, double slope, double at, double longest)
 {
     if (!without_size(row_of(w, state)))
         return 0.0;
     w->speeds[state] = larger(w->speeds[state], at * fabs(slope));
-    return w->speeds[state] / at;
+    return at <= QUARTER * longest ? w->speeds[state] / at : 0.0;
 }
 
 /* Compare the expansion with a new one made at a place on the step.
@@ -224,7 +226,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool measurable = hidden && !w->mode->branches; /* next to a branch point rounding excuses no slope */
-    bool measured = false;
+    bool measured = false, near = true; /* near: no prediction is far off */
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
             continue;
@@ -233,22 +235,24 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
             continue;
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
-        double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
+        double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there), terms = size - fabs(there);
         if (measurable) /* an error of the slope is one of the state over the step, as the step size counts it */
             size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         if (r < n)
-            size = larger(size, reached(w, r, there, at));
-        /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
+            size = larger(size, reached(w, r, there, at, found->longest));
+        /* A slope that moves its state by no more than rounding over the step, or is no larger than the rounding of its
+         * operations (1 - exp(-t^8) before t = 0.01), counts as zero, whatever its digits. */
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
-        double allowed = larger(part * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
-        bool rounded = r < n ? without_size(row_of(w, r)) : !smooth; /* rounding may be as large as the row */
-        if ((measurable || rounded) && off > allowed) {
+        double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, SPREAD * w->own_rounding[r]) : 0.0;
+        double allowed = larger(part * size, least);
+        if ((measurable || (r >= n && !smooth)) && off > allowed) {
             if (!measured)
                 measure_rounding(w, code, end);
             measured = true;
             allowed = larger(allowed, w->change[r]);
         }
         if (!(off <= allowed)) {
+            near = near && !(terms > 2.0 * fabs(there) && off > 0.5 * terms);
             found->worst = off < INFINITY ? larger(found->worst, off / allowed) : INFINITY;
             found->agrees = false, found->kept = found->kept && smooth;
             while (found->shorter > LEAST_PART * theta
@@ -256,6 +260,10 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
                 found->shorter *= SHORTER;
         }
     }
+    if (near)
+        found->longest = larger(found->longest, at);
+    else
+        memset(w->speeds, 0, (size_t)n * sizeof(double));
 }
 
 /* Check whether terms after the last ones move the end of a step by several tolerances: "hidden" terms.
@@ -287,7 +295,7 @@ static bool has_hidden_terms(const struct work *w, double theta)
     if (clear) /* most steps */
         return false;
     struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
-    mark_faint(w);
+    account_for_rounding(w);
     memset(w->speeds, 0, (size_t)n * sizeof(double));
     compare_at(w, theta, theta, w->mode->slopes, false, true, &found);
     return !found.agrees;
@@ -313,7 +321,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     int64_t rows = run->states + w->mode->guards, order = run->order;
     bool decreasing = true, hidden = w->hidden;
     double proposed = theta;
-    mark_faint(w);
+    account_for_rounding(w);
     for (int64_t r = 0; r < (unconverged ? rows : 0); r++) {
         if (r >= run->states && w->faint[r - run->states] != 0)
             continue;
@@ -331,13 +339,15 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
     memset(w->speeds, 0, (size_t)run->states * sizeof(double));
+    double longest = 0.0;
     while (checking) {
-        struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
+        struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta, .longest = longest};
         compare_at(w, theta, theta, slopes, decreasing, hidden, &found);
         if (found.kept)
             compare_at(w, 0.37 * theta, theta, slopes, decreasing, hidden, &found);
         if (found.agrees)
             break;
+        longest = found.longest;
         bool falls = LEAST_PART * theta < found.shorter && found.shorter < theta;
         if (falls && found.kept)
             return found.shorter;

@@ -37,7 +37,7 @@ struct work {
     double *powers, *scaled, *stack;
     double *room;                   /* all of the following */
     double *change, *lower;         /* changes of the states over a step; lower bounds of the guards */
-    double *point, *speeds;
+    double *point, *speeds, *own_rounding;
     double *origin;
     int64_t *remembered;
     int64_t *entries, *left;        /* words of the present mode's entries, and of the mode that an event has ended */
@@ -87,7 +87,7 @@ HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t ord
     p.width = row_length(order);
     p.band = (p.end_of_state + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     p.room = p.band + (2 * (states + guards + 1) + ROOT_ROWS) * p.width;
-    p.origin = p.room + 3 * states + 5 * guards;
+    p.origin = p.room + 4 * states + 5 * guards;
     p.remembered = p.origin + 3 * states + 3;
     p.left = p.remembered + REMEMBERED_STEPS * (words ? words : 1);
     p.own = p.left + words;
@@ -164,7 +164,7 @@ static inline struct work work_of(struct run *run, const struct tables *tables)
     w.c = block + p.band, w.ahead = w.c + (n + most + 1) * p.width;
     w.powers = w.ahead + (n + most + 1) * p.width, w.scaled = w.powers + p.width, w.stack = w.scaled + p.width;
     w.room = w.change = block + p.room, w.lower = w.change + n, w.point = w.lower + most;
-    w.speeds = w.change + 2 * n + most;
+    w.speeds = w.change + 2 * n + most, w.own_rounding = w.speeds + n + 4 * most;
     w.origin = block + p.origin;
     w.remembered = (int64_t *)(block + p.remembered);
     w.entries = (int64_t *)(block + p.entries), w.left = (int64_t *)(block + p.left);

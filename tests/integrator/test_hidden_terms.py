@@ -119,7 +119,39 @@ def test_an_oscillator_in_equilibrium_up_to_a_power_of_time(ramp: str, power: in
     for k in range(2, 16):
         run = hr.simulate(system, {"x": start, "v": 0}, until=1.5, rtol=10.0**-k)
         assert run.y[:, -1] == pytest.approx(exact, abs=50 * 10.0**-k + 1e-13), k
-        assert run.counts.steps < 20 + 15 * power or "cos" in ramp, k
+        assert run.counts.steps < 30 + 20 * power or "cos" in ramp, k
+
+
+@TOLERANCES
+@pytest.mark.parametrize(
+    "field", ["1 - cos(t)", "1 - cos(t^2)", "log(1 + t^3)", "exp(t) - 1 - t - t^2/2", "1 - sqrt(1 + t^4)", "t - sin(t)"]
+)
+def test_a_state_that_leaves_zero_by_a_power_of_time(field: str, rtol: float) -> None:
+    """Relative to the small integral; the rounding of the field's operations is as large as the field at first."""
+    run = hr.simulate(hr.System(["y"], {}, {}, [field]), {"y": 0}, until=2, rtol=rtol)
+    assert run.y[0, -1] == pytest.approx(quadrature(field, 0, 2), rel=5 * rtol + 1e-14)
+    assert run.counts.steps < 20
+
+
+@TOLERANCES
+def test_a_state_whose_prediction_beyond_its_radius_is_large(rtol: float) -> None:
+    """y leaves zero by t^6; at the end of the first step that is tried its polynomial is 1e4 times as large."""
+    exact = quadrature("-2*exp(t - 5/2)*sin(t^3)*sin(t^2)", 0, 2) + quadrature(
+        "-2*exp(t - 5/2)*sin(t^3)*sin(t^2)", 2, 2.5
+    )
+    system = hr.System(["y"], {}, {}, ["-2*sin(t^3)*sin(t^2) - y"])
+    run = hr.simulate(system, {"y": 0}, until=2.5, rtol=rtol)
+    assert run.y[0, -1] == pytest.approx(exact, rel=20 * rtol + 1e-12)
+
+
+@TOLERANCES
+def test_slopes_below_the_rounding_of_their_operations_next_to_a_root(rtol: float) -> None:
+    """1 + x^2 is rounded to 1 where the run begins; x grows by a power of time."""
+    fields = ["2*log(1 + y^2)", "-2*z^2/(1 + z^2)", "2*sqrt(1 + t^6) - 1 - z"]
+    run = hr.simulate(hr.System(["x", "y", "z"], {}, {}, fields), [0, 0, 0], until=2.5, rtol=rtol)
+    close_by = hr.simulate(hr.System(["x", "y", "z"], {}, {}, fields), [0, 0, 0], until=2.5, rtol=1e-15)
+    assert run.y[:, -1] == pytest.approx(close_by.y[:, -1], rel=20 * rtol + 1e-11)
+    assert run.counts.rhs_evaluations < 400
 
 
 @pytest.mark.parametrize("masses", [4, 8, 12, 16])
@@ -137,7 +169,7 @@ def test_a_wave_that_enters_a_chain_at_rest(masses: int, rtol: float) -> None:
     assert v_end.sum() == pytest.approx(0, abs=20 * rtol + 1e-14)
     far = hr.simulate(system, start, until=2, rtol=1e-15).y[:, -1]
     assert run.y[:, -1] == pytest.approx(far, rel=300 * rtol + 1e-12)
-    assert run.counts.rhs_evaluations < 120
+    assert run.counts.rhs_evaluations < 150
 
 
 @TOLERANCES
