@@ -1,7 +1,7 @@
 """Command ``gate``: check reports against the bounds of their cases, required solvers and an earlier comparison.
 
-The exit status is 1 if a bound is violated or none was checked, if a required solver is wrong, or if a row is worse
-than in the baseline.
+The exit status is 1 if a bound is violated, if there are bounds and none was checked, if a required solver is wrong,
+or if a row is worse than in the baseline.
 """
 
 from __future__ import annotations
