@@ -73,8 +73,11 @@ def test_rows_that_cannot_be_read_are_named(tmp_path, capsys):
         (["paired-times", str(CASE)], "study paired-times requires --rows"),
         (["price", "no.yaml"], "no.yaml"),
         (["atlas"], "study atlas requires the cases to run"),
-        (["paper", str(CASE)], "study paper takes no cases"),
-        (["paired-times", str(CASE), "--rows", "x", "--resume"], "study paired-times takes no --resume"),
+        (["paper", str(CASE)], "study paper takes no cases; its options are --out"),
+        (
+            ["paired-times", str(CASE), "--rows", "x", "--resume"],
+            "study paired-times takes no --resume; its options are --rows, --timeout, --jobs, --out",
+        ),
         (["nobody"], "unknown study 'nobody'; the studies are price, paired-times, atlas, restarts, causes, paper"),
     ],
 )
