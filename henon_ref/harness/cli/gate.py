@@ -195,6 +195,8 @@ def runs_in(path: Path) -> dict[Path, list[RunRow]]:
 
 def read_known(path: Path) -> list[KnownFailure]:
     """Read a file of expected failures, one per line; an empty field matches any value."""
+    if path.exists() and not path.is_file():  # a pipe can be read only once
+        raise CaseError("this is not a regular file", file=str(path))
     header: list[str] = []
     with suppress(OSError, UnicodeDecodeError, csv.Error), path.open(encoding="utf-8-sig", newline="") as file:
         header = next(csv.reader(file), [])  # if it cannot be read, rows_in_file says why
