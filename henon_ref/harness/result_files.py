@@ -10,6 +10,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
+from henon_ref.errors import CaseError
 from henon_ref.harness.rows import STATE, Row, TransitionRow
 from henon_ref.text import cell, from_cell, shortened
 
@@ -87,6 +88,18 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     except csv.Error as error:
         raise TableError(str(error), reader.line_num) from error
     return rows
+
+
+def rows_in_file(kind: type[AnyRow], path: Path) -> list[AnyRow]:
+    """Read the rows of a file; CaseError with line and column if it cannot be read, or is invalid."""
+    try:
+        return read_rows(kind, path)
+    except TableError as error:
+        raise CaseError(str(error), file=str(path), line=error.line, column=error.column) from None
+    except UnicodeDecodeError:
+        raise CaseError("cannot be read: it is not UTF-8; save the file as UTF-8", file=str(path)) from None
+    except OSError as error:
+        raise CaseError(f"cannot be read: {error.strerror or error}", file=str(path)) from None
 
 
 def earlier_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:

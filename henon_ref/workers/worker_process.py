@@ -21,7 +21,7 @@ import time
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from multiprocessing import current_process, get_context
+from multiprocessing import current_process, get_context, resource_tracker
 from multiprocessing import forkserver as server
 from multiprocessing.spawn import get_preparation_data
 from types import ModuleType
@@ -65,6 +65,20 @@ def begin_server(*modules: str) -> None:
 
 
 @contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Delay interrupts of the caller; a process started meanwhile never gets one, not even during its imports."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # its start unblocks SIGINT
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
 def _fresh(*, main: bool) -> Iterator[None]:
     """Prepare the start of a new process: a single thread, and no import of the caller's main module.
 
@@ -80,7 +94,8 @@ def _fresh(*, main: bool) -> Iterator[None]:
     if not main:
         sys.modules["__main__"] = ModuleType("__main__")
     try:
-        yield
+        with _no_interrupt():
+            yield
     finally:
         sys.modules["__main__"] = module
         for name, value in given.items():

@@ -124,7 +124,10 @@ def main(
     gate: Annotated[
         bool,
         _flag(
-            "--gate", DEMANDS, "Exit with status 1 if a bound of a case's gate is violated, or if no bound was checked."
+            "--gate",
+            DEMANDS,
+            "Exit with status 1 if a bound of a case's gate is violated, or if the cases have bounds and none was "
+            "checked.",
         ),
     ] = False,
     require: Required = None,

@@ -28,6 +28,7 @@ from henon_ref.harness.report.folder import check_report, check_writable, locked
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.manifest import provenance
+from henon_ref.harness.report.matrix import read_matrix
 from henon_ref.harness.report.rendering import environment
 from henon_ref.harness.report.svg import KINDS, figure_job, file_name
 from henon_ref.harness.rows import UNJUDGED, RunRow
@@ -49,8 +50,8 @@ def run(
 
     ``options`` are arguments of :class:`Options`, with the folder of the reports. The exit status is 1 if a required
     solver is wrong or was not judged in any reading. With ``gated``, it is also 1 if a bound of the gate is violated,
-    or if no bound was checked. With ``as_json`` the table is printed as a JSON document, and
-    nothing else is printed on standard output.
+    or if there are bounds and none was checked. With ``as_json`` the table is printed as a JSON document, and nothing
+    else is printed on standard output.
 
     Raises
     ------
@@ -59,6 +60,7 @@ def run(
     """
     out: Path = options["folder"]
     check_writable(out)
+    read_matrix(out)  # a damaged one is an error now, not after the runs
     cases, asked = load_cases(paths), Options(**options)
     for case in cases:
         drawn = [file_name(reading.name, kind) for reading in case.readings for kind in KINDS] if figures else []

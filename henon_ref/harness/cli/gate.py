@@ -1,7 +1,7 @@
 """Command ``gate``: check reports against the bounds of their cases, required solvers and an earlier comparison.
 
-The exit status is 1 if a bound is violated or none was checked, if a required solver is wrong, or if a row is worse
-than in the baseline.
+The exit status is 1 if a bound is violated, if there are bounds and none was checked, if a required solver is wrong,
+or if a row is worse than in the baseline.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from henon_ref.harness.report.gate import (
     why_unchecked,
 )
 from henon_ref.harness.report.manifest import read_bounds
-from henon_ref.harness.result_files import AnyRow, TableError, read_rows
+from henon_ref.harness.result_files import rows_in_file
 from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.gate import (
     Gate,
@@ -183,7 +183,7 @@ def runs_in(path: Path) -> dict[Path, list[RunRow]]:
     if not files:
         what = "the folder has no report" if path.is_dir() else "there is no such file"
         raise CaseError(f"{what}; expected a {RUNS}, or a folder of reports", file=str(path))
-    found = {file: rows_of(RunRow, file) for file in files}
+    found = {file: rows_in_file(RunRow, file) for file in files}
     for file, rows in found.items():
         for row in rows:
             try:
@@ -193,29 +193,19 @@ def runs_in(path: Path) -> dict[Path, list[RunRow]]:
     return found
 
 
-def rows_of(kind: type[AnyRow], path: Path) -> list[AnyRow]:
-    """Read the rows of a file; CaseError with line and column if it cannot be read, or is invalid."""
-    try:
-        return read_rows(kind, path)
-    except TableError as error:
-        raise CaseError(str(error), file=str(path), line=error.line, column=error.column) from None
-    except UnicodeDecodeError:
-        raise CaseError("cannot be read: it is not UTF-8; save the file as UTF-8", file=str(path)) from None
-    except OSError as error:
-        raise CaseError(f"cannot be read: {error.strerror or error}", file=str(path)) from None
-
-
 def read_known(path: Path) -> list[KnownFailure]:
     """Read a file of expected failures, one per line; an empty field matches any value."""
+    if path.exists() and not path.is_file():  # a pipe can be read only once
+        raise CaseError("this is not a regular file", file=str(path))
     header: list[str] = []
     with suppress(OSError, UnicodeDecodeError, csv.Error), path.open(encoding="utf-8-sig", newline="") as file:
-        header = next(csv.reader(file), [])  # if it cannot be read, rows_of says why
+        header = next(csv.reader(file), [])  # if it cannot be read, rows_in_file says why
     allowed = KnownFailure.columns()
     for name in map(str.strip, header):
         if name not in (*allowed, *RunRow.columns()):  # the missing column of a misspelt name would match any value
             words = f"unknown column {shortened(name)}; allowed: {', '.join(allowed)}{did_you_mean(name, allowed)}"
             raise CaseError(words, file=str(path), line=1, column=1)
-    return rows_of(KnownFailure, path)
+    return rows_in_file(KnownFailure, path)
 
 
 def _write_junit(path: Path, content: bytes) -> None:

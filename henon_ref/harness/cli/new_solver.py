@@ -67,7 +67,7 @@ def check_name(name: str) -> None:
     module = name.replace("-", "_")
     if name in registry.names():
         raise CaseError(f"a solver named '{name}' is installed; choose another name")
-    if iskeyword(module) or module in sys.stdlib_module_names:
+    if iskeyword(module) or module in (*sys.stdlib_module_names, "test"):  # which lack Python's own tests
         raise CaseError(f"'{module}' is a keyword or a standard module of Python; choose another name")
     if module in packages_distributions() or module == "henon_ref":
         raise CaseError(f"an installed package has a module '{module}'; choose another name")

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -26,9 +25,9 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, PAGE, REPORT, ROWS, RUNS
 from henon_ref.harness.report.folder_report import content
 from henon_ref.harness.report.manifest import provenance
-from henon_ref.harness.report.matrix import read_matrix
+from henon_ref.harness.report.matrix import read_matrix, read_report
 from henon_ref.harness.report.rendering import embedded, read_embedded, unpacked
-from henon_ref.harness.result_files import read_rows
+from henon_ref.harness.result_files import rows_in_file
 from henon_ref.harness.rows import Key, RunRow
 from henon_ref.harness.score.ranking import floor
 from henon_ref.harness.table import setting
@@ -47,7 +46,8 @@ def differences(stored: Path, fresh: Path) -> list[str]:
     """
     if not (stored / RUNS).exists():
         return [f"there is no report in {stored}"]
-    old, new = ({row.key: row for row in read_rows(RunRow, folder / RUNS)} for folder in (stored, fresh))
+    manifest, rows = read_report(stored)
+    old, new = ({row.key: row for row in own} for own in (rows, rows_in_file(RunRow, fresh / RUNS)))
     if len({(folder / RUNS).read_text(encoding="utf-8").partition("\n")[0] for folder in (stored, fresh)}) > 1:
         return [f"the columns of {stored / RUNS} are those of another version"]
     ran = {row.solver for row in new.values()}
@@ -57,8 +57,12 @@ def differences(stored: Path, fresh: Path) -> list[str]:
     for key in old.keys() & new.keys():
         found += [f"{_label(key)}: {words}" for words in row_differences(old[key], new[key])]
     found += text_differences(stored / REPORT, fresh / REPORT)
-    listed = json.loads((stored / MANIFEST).read_text(encoding="utf-8"))["files"]
-    found += [f"the file {name} is missing" for name in listed if name not in ROWS and not (stored / name).exists()]
+    listed = manifest.get("files")
+    if not isinstance(listed, list):
+        return [*found, f"{MANIFEST} has no list of files"]
+    found += [
+        f"the file {name} is missing" for name in listed if name not in ROWS and not (stored / str(name)).exists()
+    ]
     return found
 
 
@@ -84,7 +88,7 @@ def row_differences(old: RunRow, new: RunRow) -> Iterator[str]:
 
 def text_differences(stored: Path, fresh: Path) -> list[str]:
     """List the sections on model and truth that differ."""
-    old, new = (_sections(path.read_text(encoding="utf-8")) for path in (stored, fresh))
+    old, new = (_sections(_read(path)) for path in (stored, fresh))
     return [f"{name}: the text differs" for name in old | new if old.get(name) != new.get(name)]
 
 
@@ -93,9 +97,16 @@ def page_differences(reports: Path) -> list[str]:
     page = reports / PAGE
     if not page.exists():
         return []
-    shown = read_embedded(page.read_text(encoding="utf-8"))
+    shown = read_embedded(_read(page))
     made = unpacked(embedded(content(reports, read_matrix(reports))))
     return [] if shown == made else [f"{page} does not agree with {MATRIX} and the reports in its folder"]
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")  # a damaged file differs
+    except OSError as error:
+        raise CaseError(f"cannot be read: {error.strerror or error}", file=str(path)) from error
 
 
 def _sections(text: str) -> dict[str, str]:

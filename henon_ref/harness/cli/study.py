@@ -98,7 +98,8 @@ def _check_taken(name: str, study: Study, given: Sequence[str]) -> None:
     for option in given:
         if option not in study.takes:
             what = "no cases" if option == "cases" else f"no --{option}"
-            raise typer.BadParameter(f"study {name} takes {what}")
+            taken = ", ".join(f"--{one}" for one in (*study.takes, "out") if one != "cases")
+            raise typer.BadParameter(f"study {name} takes {what}; its options are {taken}")
     for needed in ("cases", "rows"):
         if needed in study.takes and needed not in given:
             what = "the cases to run" if needed == "cases" else "--rows, a folder of existing reports"

@@ -9,7 +9,7 @@ import numpy as np
 from henon_ref.casefile.case import Case
 from henon_ref.errors import CaseError
 from henon_ref.harness.report.folder import RUNS
-from henon_ref.harness.result_files import read_rows, rows_text
+from henon_ref.harness.result_files import rows_in_file, rows_text
 from henon_ref.harness.rows import RunRow
 from henon_ref.harness.score.ranking import LEVELS, readings_of
 from henon_ref.harness.studies.page import report_link, write
@@ -49,7 +49,7 @@ def run_paired_times(request: StudyRequest) -> StudyResult:
     for file in files.values():
         if not file.is_file():
             raise CaseError(f"{file} is not there: henon-ref compare CASES --out {file.parents[1]} writes it")
-    runs = {name: read_rows(RunRow, file) for name, file in files.items()}
+    runs = {name: rows_in_file(RunRow, file) for name, file in files.items()}
     timings = [own for case in request.cases for own in timings_of(case, runs[case.name], request.options.timeout)]
     if not timings:
         return StudyResult(None)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields
 from functools import partial
 from statistics import median
 from time import perf_counter
-from types import SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -148,17 +148,22 @@ class _Clocked:
 class ClockedHeyoka(HeyokaTaylor):
     """heyoka with timed calls of ``propagate_until``."""
 
-    spent_s: list[float] = field(default_factory=list, kw_only=True)
+    spent_s: list[float] = field(default_factory=list, kw_only=True, compare=False)
     """Time of each call [s]."""
 
     def load(self) -> Any:
-        """Return the module with integrators whose calls of ``propagate_until`` are timed."""
+        """Return a copy of the module, with integrators whose calls of ``propagate_until`` are timed.
+
+        Caches of integrators find no other copy's.
+        """
         module = super().load()
+        copy = ModuleType(module.__name__)
 
         def taylor_adaptive(*args: Any, **options: Any) -> _Clocked:
             return _Clocked(module.taylor_adaptive(*args, **options), self.spent_s)
 
-        return SimpleNamespace(**vars(module) | {"taylor_adaptive": taylor_adaptive})
+        vars(copy).update(vars(module) | {"taylor_adaptive": taylor_adaptive})
+        return copy
 
 
 def clocked(solver: Solver) -> ClockedHeyoka | None:
@@ -182,7 +187,7 @@ def own_part(solver: str, run: Run, prepare: Callable[[Any], Run], *, rounds: in
         own.spent_s.clear()
         clocked_run()
         parts.append(sum(own.spent_s) / whole)
-    return median(parts[1:]) or None  # an integrator shared by all modes was made without timing
+    return median(parts[1:])
 
 
 @dataclass(frozen=True)

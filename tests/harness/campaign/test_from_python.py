@@ -107,3 +107,23 @@ def test_an_interrupt_ends_a_comparison_and_leaves_no_process(tmp_path, before):
     while any(Path(f"/proc/{pid}").exists() for pid in members) and time.monotonic() < ends:
         time.sleep(0.05)
     assert [pid for pid in members if Path(f"/proc/{pid}").exists()] == []
+
+
+def test_an_interrupt_while_the_fork_server_imports_is_told_by_the_caller_only(tmp_path):
+    (tmp_path / "slow.py").write_text("import time, pathlib; pathlib.Path('importing').touch(); time.sleep(2)")
+    code = """
+        import time
+        from henon_ref.workers.worker_process import WorkerProcess
+        worker = WorkerProcess(modules=["slow"])
+        time.sleep(600)
+        """
+    caller = subprocess.Popen(
+        [sys.executable, script(tmp_path, THREAD + textwrap.dedent(code))], cwd=tmp_path,
+        stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ) | {"PYTHONPATH": str(ROOT)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    ends = time.monotonic() + 600
+    while not (tmp_path / "importing").exists() and time.monotonic() < ends:
+        time.sleep(0.05)
+    os.killpg(caller.pid, signal.SIGINT)
+    assert caller.communicate(timeout=600)[1].count("KeyboardInterrupt") == 1

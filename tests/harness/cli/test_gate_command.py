@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 from dataclasses import replace
@@ -247,6 +248,14 @@ def test_a_bad_baseline_is_told_with_its_place(out, capsys, text, words):
     captured = capsys.readouterr()
     assert captured.err.startswith(f"error: bad.csv:{words.removeprefix(':')}")
     assert (captured.err.count("\n"), captured.out) == (1, "")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+def test_known_failures_from_a_pipe_are_an_error(out, capsys):
+    """A pipe can be read only once: its lines would be lost without a word."""
+    os.mkfifo("pipe")
+    assert gate(out, "--known", "pipe") == 2
+    assert capsys.readouterr().err == "error: pipe: this is not a regular file\n"
 
 
 def test_a_file_of_known_failures_that_is_not_there_is_named_once(out, capsys):

@@ -85,6 +85,7 @@ def test_a_bad_name_is_refused_in_one_line_that_says_what_is_allowed(name, tmp_p
         ("heyoka", "a solver named 'heyoka' is installed"),
         ("lambda", "a keyword or a standard module of Python"),
         ("json", "a keyword or a standard module of Python"),
+        ("test", "a keyword or a standard module of Python"),
         ("numpy", "an installed package has a module 'numpy'"),
         ("henon-ref", "an installed package has a module 'henon_ref'"),
     ],

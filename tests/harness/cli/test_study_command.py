@@ -58,6 +58,14 @@ def test_rows_of_one_folder_tell_who_is_timed_for_another(tmp_path, capsys):
     assert [path.name for path in out.iterdir() if path.is_dir()] == ["rivals"]
 
 
+def test_rows_that_cannot_be_read_are_named(tmp_path, capsys):
+    rows = tmp_path / "leaving_slide/runs.csv"
+    rows.parent.mkdir()
+    rows.write_bytes(b"\xff")
+    assert study.command(["paired-times", str(CASE), "--rows", str(tmp_path), "--out", str(tmp_path)]) == 2
+    assert f"{rows}: cannot be read: it is not UTF-8" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -65,8 +73,11 @@ def test_rows_of_one_folder_tell_who_is_timed_for_another(tmp_path, capsys):
         (["paired-times", str(CASE)], "study paired-times requires --rows"),
         (["price", "no.yaml"], "no.yaml"),
         (["atlas"], "study atlas requires the cases to run"),
-        (["paper", str(CASE)], "study paper takes no cases"),
-        (["paired-times", str(CASE), "--rows", "x", "--resume"], "study paired-times takes no --resume"),
+        (["paper", str(CASE)], "study paper takes no cases; its options are --out"),
+        (
+            ["paired-times", str(CASE), "--rows", "x", "--resume"],
+            "study paired-times takes no --resume; its options are --rows, --timeout, --jobs, --out",
+        ),
         (["nobody"], "unknown study 'nobody'; the studies are price, paired-times, atlas, restarts, causes, paper"),
     ],
 )

@@ -127,6 +127,15 @@ def test_a_file_in_place_of_the_folder_of_a_report_is_named(made_up, tmp_path, c
     assert "made_up is a file; --out requires a folder" in capsys.readouterr().err
 
 
+def test_a_damaged_matrix_is_an_error_before_anything_runs(made_up, tmp_path, capsys):
+    assert run(made_up, "--out", "out") == 0
+    matrix = tmp_path / "out/matrix.csv"
+    matrix.write_text(matrix.read_text() + "made_up,default\n")
+    capsys.readouterr()
+    assert run(made_up, "--out", "out") == 2
+    assert re.fullmatch(r"error: out/matrix\.csv: is not a matrix .*\n", capsys.readouterr().err)
+
+
 @pytest.mark.parametrize("name", ["matrix.csv", "index.html"])
 def test_a_matrix_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / name).write_text("1,2\n")

@@ -23,6 +23,7 @@ from made_reports import ORIGIN, changed, compared, made, sweep, usual
 from henon_ref.baselines.causes import CAUSES
 from henon_ref.casefile.case import load_case
 from henon_ref.casefile.expected import Orbit
+from henon_ref.errors import CaseError
 from henon_ref.figures.motion import motion_of
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Options, Setting
@@ -312,3 +313,25 @@ def test_texts_and_files_are_checked_too(stored):
     assert differences(old, fresh) == ["Truth: the text differs", "the file sticks.csv is missing"]
     shutil.rmtree(old)
     assert differences(old, fresh) == [f"there is no report in {old}"]
+
+
+@pytest.mark.parametrize(
+    ("name", "damaged"), [("runs.csv", "[1]"), ("manifest.json", "[1]"), ("manifest.json", None), ("report.md", None)]
+)
+def test_a_damaged_report_is_an_error_of_that_file(stored, name, damaged):
+    old, fresh = stored
+    (old / name).unlink() if damaged is None else (old / name).write_text(damaged)
+    with pytest.raises(CaseError, match=name):
+        differences(old, fresh)
+
+
+def test_a_report_that_is_no_text_differs(stored):
+    old, fresh = stored
+    (old / "report.md").write_bytes(b"\xff")
+    assert "Truth: the text differs" in differences(old, fresh)
+
+
+def test_a_manifest_without_a_list_of_files_is_a_difference(stored):
+    old, fresh = stored
+    (old / "manifest.json").write_text('{"title": "of another version"}')
+    assert differences(old, fresh) == ["manifest.json has no list of files"]

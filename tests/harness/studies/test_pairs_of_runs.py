@@ -12,6 +12,7 @@ from henon_ref.harness.rows import RunRow
 from henon_ref.harness.studies import pairs
 from henon_ref.harness.studies.paired_times import spread_table
 from henon_ref.harness.studies.pairs import Pair, PairedTiming, PairRow, clocked, own_part, own_words
+from henon_ref.harness.studies.price.chains import chain_problem
 from henon_ref.workers.worker import WorkerState
 
 CASES = Path(__file__).parents[3] / "cases"
@@ -33,6 +34,17 @@ def test_a_clocked_run_is_the_same_run_and_its_calls_take_a_part_of_it() -> None
     part = own_part("heyoka", run, lambda solver: solver.prepare(problem, rtol=1e-9), rounds=5)
     assert part is not None
     assert part > 0.0
+
+
+def test_calls_of_an_integrator_that_modes_share_are_clocked_too() -> None:
+    """In a run that has the same equations in all modes, caches keep the integrator of the unclocked run."""
+    pytest.importorskip("heyoka")
+    problem = chain_problem(4)
+    run = registry.solver("heyoka").prepare(problem, rtol=1e-9)
+    for _ in range(2):
+        part = own_part("heyoka", run, lambda solver: solver.prepare(problem, rtol=1e-9), rounds=1)
+        assert part is not None
+        assert part > 0.0
 
 
 def test_other_solvers_are_not_clocked() -> None:
