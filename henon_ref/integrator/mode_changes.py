@@ -246,7 +246,8 @@ def record(
         made["from_mode"], made["to_mode"] = source, target
     scalars.transitions += 1
     ends_here = scalars.stop_falling if side > 0 else scalars.stop_rising if side < 0 else 0
-    scalars.stopped |= int(ends_here) >> surface & 1
+    if int(ends_here) >> surface & 1 and not scalars.stopped:
+        scalars.stopped = 1 + surface
 
 
 def enter_new_mode(run: State) -> Ending | None:
