@@ -115,15 +115,6 @@ def test_a_run_whose_steps_exceed_the_memory_has_none(monkeypatch: pytest.Monkey
     assert np.isnan(table["max_e"]).tolist() == [True, False]
 
 
-def test_a_run_that_cannot_begin_has_none() -> None:
-    table = hr.sweep(
-        hr.System(["x"], {"a": 1}, {"s": "x"}, ["-a*s"], valid=["a - x"]),
-        {"x": 1}, until=3, grid={"a": [2.0, 0.5]}, observe=[hr.observe.extremes("x")], jobs=1,
-    )  # fmt: skip
-    assert table["max_x"][0] == 1
-    assert table["status"][1] != "ok"
-
-
 def test_a_run_that_blows_up_has_extremes() -> None:
     """x = 1/(1 - p t): steps shrink below the last place of the time."""
     system = hr.System(["x"], {"p": 1}, {"s": "x + 5"}, ["p*x^2"])
