@@ -21,7 +21,6 @@ from flint import arb
 from henon_ref.errors import ModelError
 from henon_ref.integrator.constants import ModeConstants, ParameterPrograms
 from henon_ref.integrator.mode_table import ModeTable
-from henon_ref.integrator.multiprecision_roots import BITS
 from henon_ref.integrator.pairs import Pair, exact_expression, pair_of_exact
 from henon_ref.integrator.records import CHUNK, STATE_PLACE, Workspace, written
 from henon_ref.kernel.library import doubles, ffi, integers, kernel
@@ -301,6 +300,7 @@ def _record_rounding(constants: ModeConstants, workspace: Workspace, mode: Mode,
 
     A function that no rounding of the states changes (x at x = 0) is left out.
     """
+    from henon_ref.integrator.multiprecision_roots import BITS  # rarely needed
     from henon_ref.modes.selection import stays
 
     run, system = workspace.run, constants.table.system

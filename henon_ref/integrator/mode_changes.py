@@ -246,41 +246,29 @@ def record(
         made["from_mode"], made["to_mode"] = source, target
     scalars.transitions += 1
     ends_here = scalars.stop_falling if side > 0 else scalars.stop_rising if side < 0 else 0
-    scalars.stopped |= int(ends_here) >> surface & 1
+    if int(ends_here) >> surface & 1 and not scalars.stopped:
+        scalars.stopped = 1 + surface
 
 
 def enter_new_mode(run: State) -> Ending | None:
     """Compile the mode that an event leads to; the loop then repeats the event."""
-    mode, hit, what = run.mode, int(run.scalars.guard), int(run.scalars.pending_kind)
-    number = int(run.scalars.pending_mode)
+    mode, table, scalars = run.mode, run.integrator.mode_table, run.scalars
+    hit, what, number = int(scalars.guard), int(scalars.pending_kind), int(scalars.pending_mode)
     if number >= 0:
-        if run.integrator.mode_table.row(numbered_mode(number, len(mode))) is not None:
-            run.count("new_modes")
-            return None
-        run.scalars.event_pending = 0
-        return _without_equations(run) if what == kernel.RESET else select_mode(run)
-    entry = 0 if what == kernel.STICK else run.integrator.mode_table.guards(mode)[hit].to_sign
-    if _compiled_behind(run, mode, hit, entry):
+        compiled = table.row(numbered_mode(number, len(mode))) is not None
+    else:
+        row, guard = int(scalars.mode), table.guards(mode)[hit]
+        entry = 0 if what == kernel.STICK else guard.to_sign
+        compiled = table.row(replaced(mode, guard.index, entry)) is not None and table.leads_to(row, hit, entry) >= 0
+    if compiled:
+        run.count("new_modes")
         return None
-    if run.scalars.event_pending == kernel.UNSETTLED:
-        run.scalars.event_pending = 0
+    unsettled, scalars.event_pending = scalars.event_pending == kernel.UNSETTLED, 0
+    if unsettled:
         return locate(run)
+    if number >= 0 and what == kernel.RESET:
+        return _without_equations(run)
     return select_mode(run)  # no such mode, or known zeros must be determined
-
-
-def _compiled_behind(run: State, mode: Mode, hit: int, entry: int) -> bool:
-    """Compile the mode that a guard leads to; return whether the loop can repeat the event with it."""
-    mode_table, row = run.integrator.mode_table, int(run.scalars.mode)
-    guard = mode_table.guards(mode)[hit]
-    if mode_table.row(replaced(mode, guard.index, entry)) is None or mode_table.leads_to(row, hit, entry) < 0:
-        return False
-    run.count("new_modes")
-    if run.scalars.event_pending == kernel.UNSETTLED:
-        return True
-    if guard.kind == "surface":
-        run.scalars.expansions -= 1  # its normal velocities are counted again
-    run.scalars.event_pending = 1
-    return True
 
 
 def select_mode(run: State) -> Ending | None:
@@ -289,8 +277,6 @@ def select_mode(run: State) -> Ending | None:
     hits: list[Guard] = [g for g, hit in zip(run.guards, run.hits, strict=False) if hit]
     if surfaces := resetting(run.integrator.system, before, hits):
         return jump(run, surfaces, hits)
-    if _misses_stick(run, hits):
-        return None
     at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
     decision = after_event(at, before, hits)
     seen = decision.mode is not None and run.integrator.mode_table.knows(decision.mode)
@@ -306,13 +292,3 @@ def select_mode(run: State) -> Ending | None:
     orders = contact_orders(at, decision.mode, active)
     tangential = [] if early else sorted({g.index for g in hits if g.kind == "surface"})
     return change_mode(run, decision, orders, tangential)
-
-
-def _misses_stick(run: State, hits: Sequence[Guard]) -> bool:
-    """Compile the sticking mode that the loop needs to decide a stick; return whether the loop can repeat the event."""
-    hit = int(run.scalars.guard)
-    if len(hits) != 1 or hit == kernel.NOWHERE or run.integrator.mode_table.contacts:
-        return False
-    guard = run.integrator.mode_table.compiled.records["guards"][int(run.scalars.mode), hit]
-    missing = guard["hold_zone"] and not guard["coupled"] and guard["mode_stuck"] < 0
-    return bool(missing) and _compiled_behind(run, run.mode, hit, 0)

@@ -222,6 +222,9 @@ class Run(State):
         return tuple(modes[place] for place in places)
 
     def _end(self, status: Status, reason: Reason) -> Trajectory:
+        if status == "ok" and self.scalars.stopped:
+            name = self.integrator.system.sign_names[self.scalars.stopped - 1]
+            reason = f"the run stopped at a transition of the surface of {name}, as requested"
         end: Trajectory = RunResult(self.integrator.mode_table, self.workspace, None, status, reason)
         if self.decisions is not NO_DECISIONS:
             end.counts.decisions = self.decisions

@@ -245,7 +245,7 @@ struct run {
     int64_t transition_capacity;       /* of a block of memory, in transitions */
     int64_t states, guards;            /* n and G */
     int64_t stop_falling, stop_rising; /* surfaces, one bit each, at which the run ends */
-    int64_t stopped;                   /* 1 after the run has reached one of these surfaces */
+    int64_t stopped;                   /* 1 + the first of these surfaces that the run has reached; 0: none */
     int64_t more_digits;               /* 1 if the motion may be computed with more digits from the run's start, while
                                           the run is in its first mode */
     int64_t most_steps;                /* largest number of steps */

@@ -215,7 +215,10 @@ HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, doubl
         code = settle_event(&work);
     while (true) {
         if (code == EVENT) {
+            int64_t expansions = run->expansions;
             code = apply_event(&work);
+            if (run->event_pending != 0) /* the event is repeated, and counted then */
+                run->expansions = expansions;
             if (code == ON && run->stopped != 0)
                 return STOPPED;
         }

@@ -30,8 +30,8 @@ static void record_transition(struct work *w, int64_t kind, int64_t index, int64
         words[k] = w->left[k], words[w->words + k] = w->entries[k];
     run->transitions += 1;
     int64_t ends_here = side > 0 ? run->stop_falling : side < 0 ? run->stop_rising : 0;
-    if (ends_here != 0 && has_bit(ends_here, index))
-        run->stopped = 1;
+    if (ends_here != 0 && has_bit(ends_here, index) && run->stopped == 0)
+        run->stopped = 1 + index;
 }
 
 /* Count consecutive events that a double's time does not resolve; 1 if there are too many. */

@@ -197,15 +197,15 @@ static int64_t apply_event(struct work *w)
     }
     struct change found = {RELEASED, guard->mode_across, guard->zeros_at_release};
     if (guard->kind == SURFACE) {
+        if (guard->hold_zone == 1 && guard->mode_stuck < 0 && w->words == 0)
+            return not_compiled(run, STICK, -1); /* the zone is known from the equations of the stick */
         run->expansions += 1;
         int64_t code = at_surface(w, w->mode, run->guard, speeds_at(w), &found);
         if (code != ON)
             return code;
     }
-    if (found.mode < 0) {
-        run->pending_kind = found.kind, run->pending_mode = -1;
-        return MODE_NOT_COMPILED;
-    }
+    if (found.mode < 0)
+        return not_compiled(run, found.kind, -1);
     int64_t index = guard->index, side = guard->side, mode = run->mode;
     int64_t back = go_over(w, index, found.mode);
     if (found.kind == RELEASED && found.zeros < 0) {

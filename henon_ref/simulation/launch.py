@@ -100,15 +100,10 @@ def _prepared(system: System, tolerance: float) -> QuickStart | None:
     return made
 
 
-def ended(trajectory: Trajectory, begin: Start, system: System, stop: Mapping[Any, str] | None) -> Trajectory:
-    """Return the result of a run with the reason of a requested stop, and without hidden kinks."""
+def ended(trajectory: Trajectory, begin: Start, system: System) -> Trajectory:
+    """Return the result of a run without hidden kinks."""
     if begin.refused is not None:
         return trajectory._replace(end_mode=())
-    if stop and trajectory.status == "ok" and len(trajectory.transitions):
-        last = trajectory.transitions[-1]
-        if (last.time, last.time_low) != begin.until and last.time == trajectory.end_time:
-            name = system.model.sign_names[last.surface]
-            trajectory = trajectory._replace(reason=f"the run stopped on the surface of {name}, as requested")
     return shown(trajectory, system.model if system.model.kinks else None)
 
 

@@ -55,8 +55,8 @@ def simulate(
         Keep the polynomials of the steps. A run whose steps and transitions take 2 GiB ends with status ``failed``
         (with two states and the default ``rtol``, some 5 million steps); a stream keeps neither.
     stop : mapping, optional
-        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero. A graze
-        does not end it.
+        Sign -> ``"falling"`` or ``"rising"``: the run ends when the surface's expression falls (rises) to zero, or when
+        a jump of the state carries it through zero. A graze does not end it.
     max_steps : int
         Number of steps after which the run ends with status ``failed``.
 
@@ -81,7 +81,7 @@ def simulate(
     """
     integrator, begin = launch(system, initial, until, start, rtol, parameters, mode, stop, max_steps)
     run = Run(integrator, begin, dense=256 if dense_output else 0)  # steps in one block of memory
-    trajectory = ended(run.to_horizon(), begin, system, stop)
+    trajectory = ended(run.to_horizon(), begin, system)
     return Solution(system, parameters, begin.time[0], begin.x, trajectory, run.steps if dense_output else None)
 
 
@@ -132,7 +132,7 @@ def stream(
         for block in run.stream():
             yield from named(block.visible(model) if model.kinks else block)
         assert run.ended is not None
-        return Outcome(system, parameters, ended(run.ended, begin, system, stop)._replace(transitions=()))
+        return Outcome(system, parameters, ended(run.ended, begin, system)._replace(transitions=()))
 
     return TransitionStream(rows())
 

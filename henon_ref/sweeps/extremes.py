@@ -21,8 +21,8 @@ import numpy as np
 
 from henon_ref.errors import HenonRefError
 from henon_ref.expressions.grammar import FUNCTIONS
-from henon_ref.integrator.run_result import DenseOutput
 from henon_ref.simulation.simulate import simulate
+from henon_ref.simulation.solution import Solution
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.chunk import values_at
 from henon_ref.sweeps.observations import moving_expression, rank_in_run
@@ -63,8 +63,13 @@ class Pieces(NamedTuple):
         return Pieces(self.run, self.begin + first * self.length, self.length * width, moved * scale)
 
 
-def pieces_of(run: int, sol: DenseOutput, after: float) -> Pieces:
-    """Return the steps of a run that end at ``after`` or later; the end of the run is a step of length zero."""
+def pieces_of(number: int, run: Solution, after: float) -> Pieces:
+    """Return the steps of a run that end at ``after`` or later.
+
+    The end of the run, and each state between two jumps at one instant, is a step of length zero.
+    """
+    sol, t = run.sol, run.t
+    assert sol is not None
     ends, lows = np.append(sol.begin[1:], sol.begin[-1]), np.append(sol.begin_low[1:], sol.begin_low[-1])
     kept = np.flatnonzero(ends >= after)
     length = (ends - sol.begin)[kept] + (lows - sol.begin_low)[kept]
@@ -72,7 +77,15 @@ def pieces_of(run: int, sol: DenseOutput, after: float) -> Pieces:
     order = sol.coefficients.shape[2] - 1
     scale = np.cumprod([np.ones_like(length), *[length / sol.unit[kept]] * order], axis=0)
     states = sol.coefficients[kept].transpose(1, 2, 0) * scale
-    return Pieces(np.full(len(kept), run), sol.begin[kept], length, states)
+    between = 1 + np.flatnonzero((t[1:-1] == t[:-2]) & (t[1:-1] == t[2:]) & (t[1:-1] >= after))
+    still = np.zeros((len(run.y), order + 1, len(between)))
+    still[:, 0] = run.y[:, between]
+    return Pieces(
+        np.full(len(kept) + len(between), number),
+        np.append(sol.begin[kept], t[between]),
+        np.append(length, np.zeros(len(between))),
+        np.concatenate([states, still], axis=2),
+    )
 
 
 def joined_pieces(parts: Sequence[Pieces], after: float = -np.inf) -> Pieces:
@@ -262,8 +275,7 @@ class Extremes(Observation):
                 continue
             if run.status != runs.status[k]:  # its steps exceed the memory that a run may keep
                 continue
-            assert run.sol is not None
-            parts.append(pieces_of(k, run.sol, after))
+            parts.append(pieces_of(k, run, after))
             if sum(part.states.size for part in parts) > 1 << 22:  # bounds the memory; one run alone may need more
                 search()
         search()

@@ -114,11 +114,11 @@ def period(
 def extremes(of: str, after: float | None = None, name: str | None = None) -> Observation:
     """Minimum and maximum of an expression: columns ``min_NAME`` and ``max_NAME``; NaN if the steps take over 2 GiB.
 
-    Both are values of the expression on the run's dense output. On a step the expression is represented by its Taylor
-    polynomial, which is exact if the expression is linear in time and states. Otherwise its error is estimated, from
-    its last two terms and from the values at the middle and the end of the step, and steps with a large error are
-    halved. A peak much narrower than a step that shows in none of these is missed: with x moving from 1 to -1, the
-    maximum 1 of ``exp(-(1000*(x - 0.3))^2)``.
+    Both are values of the expression on the run's dense output, or at a state between two jumps at one instant. On a
+    step the expression is represented by its Taylor polynomial, which is exact if the expression is linear in time and
+    states. Otherwise its error is estimated, from its last two terms and from the values at the middle and the end of
+    the step, and steps with a large error are halved. A peak much narrower than a step that shows in none of these is
+    missed: with x moving from 1 to -1, the maximum 1 of ``exp(-(1000*(x - 0.3))^2)``.
 
     Parameters
     ----------

@@ -72,7 +72,7 @@ class Function(Observation):
         return {name: _column([row.get(name) for row in rows], kind) for name, kind in kinds.items()}
 
     def rows(self, runs: Runs) -> Iterator[dict[str, Cell]]:
-        """Yield what the function returns for each run, by column; an empty mapping if the run could not start."""
+        """Yield what the function returns for each run, by column; an empty mapping if a point has no run."""
         for k, point in enumerate(runs.arguments()):
             try:
                 run = simulate(runs.system, dense_output=self.dense_output, **point)

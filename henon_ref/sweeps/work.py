@@ -183,7 +183,7 @@ class Runs:
         self.counts = np.zeros((count, 3), dtype=np.int64)
         """Numbers of steps, expansions, evaluations of guards."""
         self.refused = np.ones(count, dtype=np.bool_)
-        """Whether a run could not start; initially True for all runs."""
+        """Whether a point has no run; initially True for all points."""
         self._records: list[NDArray[Any]] = []
         self._rows: dict[Mode, int] = {}
 

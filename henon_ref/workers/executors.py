@@ -76,7 +76,7 @@ def _on_executor(function: Callable[..., Any], tasks: Iterable[Task], executor: 
         try:
             for number, arguments in tasks:
                 with _reached():
-                    running[executor.submit(function, *arguments)] = number
+                    running[executor.submit(_raising, function, *arguments)] = number
                 if len(running) >= 3 * workers:
                     yield from _done(running)
             while running:
@@ -100,13 +100,16 @@ def _reached() -> Iterator[None]:
 def _ended(error: Exception) -> EndedError:
     why = f": {error}" if str(error) else ""
     return EndedError(
-        f"the executor has ended or dropped its tasks, for example because the scheduler of a cluster died "
-        f"({type(error).__name__}{why:.200})"
+        "the executor has ended or dropped its tasks, for example because one of its processes or the scheduler of a "
+        f"cluster died ({type(error).__name__}{why:.200})"
     )
 
 
 def _done(running: dict[Future[Any], int]) -> Iterator[tuple[int, Any]]:
-    for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=running.__getitem__):
+    """Yield the values of finished tasks; if some have failed, those of the others come before the exception."""
+    done = wait(running, return_when=FIRST_COMPLETED).done
+    failed = {future: future.cancelled() or future.exception() is not None for future in done}
+    for future in sorted(done, key=lambda future: (failed[future], running[future])):
         found = future.result()
         yield running.pop(future), found
 
@@ -119,13 +122,22 @@ def _call(state: WorkerState, function: Callable[..., Any], *arguments: Any) -> 
         return False, _sendable(error)
 
 
+def _raising(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Call the function of a task; an exception that is raised can be pickled."""
+    try:
+        return function(*arguments)
+    except Exception as error:  # noqa: BLE001 - raised below: here it would be the context, which Dask pickles, too
+        raised = _sendable(error)
+    raise raised
+
+
 def _sendable(error: Exception) -> Exception:
     """Return an exception with a note of its traceback; if it cannot be pickled, an error with its text and notes."""
-    error.add_note("In a worker process:\n" + "".join(traceback.format_exception(error)))
+    error.add_note("In a worker:\n" + "".join(traceback.format_exception(error)))
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:  # noqa: BLE001 - its pickling may raise anything
-        plain = HenonRefError(f"{type(error).__name__} in a worker process: {error}")
+        plain = HenonRefError(f"{type(error).__name__} in a worker: {error}")
         for note in error.__notes__:
             plain.add_note(note)
         return plain

@@ -117,3 +117,21 @@ def test_a_cascade_stands_in_the_solution_map_by_map_and_in_sweeps_with_the_same
     alone = [hr.simulate(system, start, until=3.5, parameters={"k": k}).y[:, -1].tolist() for k in values]
     columns = [name for name in table.columns if name.startswith("final_")][:3]
     assert table[columns].to_numpy().tolist() == alone
+
+
+@pytest.mark.parametrize(
+    ("status", "speed", "acceleration", "valid"),
+    [("invalid", 5, "-10", ["4 - v"]), ("nonunique", 5, "-10 + 20*u", []), ("diverged", 1e201, "-10", [])],
+)
+def test_a_jump_that_no_mode_follows_has_no_row(status: str, speed: float, acceleration: str, valid: list[str]) -> None:
+    """A speed of 5 is beyond the model, or on a surface that repels on both sides, or without bound."""
+    surfaces, resets = {"h": "x", "u": "v - 5"}, {"h": {"map": {"v": "w"}}}
+    ball = hr.System(["x", "v"], {"w": speed}, surfaces, ["v", acceleration], resets=resets, valid=valid)
+    run = hr.simulate(ball, {"x": 5, "v": 0}, until=9)
+    assert (run.status, len(run.transitions), run.y[1, -1]) == (status, 0, speed)
+    events = hr.stream(ball, {"x": 5, "v": 0}, until=9)
+    assert (list(events), events.outcome.message) == ([], run.message)
+    observed = [hr.observe.final_state(), hr.observe.section("h")]
+    table = hr.sweep(ball, {"x": 5, "v": 0}, until=9, grid={"w": [speed]}, observe=observed, jobs=1)
+    assert table[["status", "final_v"]].to_numpy().tolist() == [[status, speed]]
+    assert table.frames["section"].empty

@@ -14,6 +14,7 @@ from henon_ref.simulation.system import System
 
 PRESSED = (["x", "v"], {"u": 1}, {"s": "v - u", "g": "1 - x"}, ["v", "1 - s/2"])
 STOP = {"g": {"map": {"v": "0"}}}
+HOLD = {"field": ["v", "0"], "release": [{"when": "2 - x", "direction": "falling", "to": 1}], "entry": "inside"}
 RUNS: dict[str, tuple[System, dict[str, Any], float, dict[str, Any]]] = {
     # At u = 0 the block stands on a belt at rest: the belt's surface is the speed that a body at rest on a stop keeps.
     "pressed on a stop": (System(*PRESSED, resets=STOP), {"x": 1, "v": 0}, 3, {"u": 0}),
@@ -24,6 +25,13 @@ RUNS: dict[str, tuple[System, dict[str, Any], float, dict[str, Any]]] = {
     "stick": (System(["x", "v"], {}, {"s": "x - 9", "r": "v"}, ["v", "-1/2 - r"]), {"x": 0, "v": 3}, 2, {}),
     "release": (System(["v", "w"], {}, {"s": "w - 9", "r": "v"}, ["w - r", "1"]), {"v": 0, "w": 0}, 1, {}),
     "graze": (System(["x", "v"], {}, {"s": "x", "r": "v - 9"}, ["v", "2"]), {"x": 1, "v": -2}, 2, {}),
+    "end of a stick by a jump": (System(["x"], {}, {"s": "x", "c": "t - 3/2"}, ["1 + c - s"]), {"x": 1}, 2, {}),
+    "hold zone": (
+        System(["x", "v"], {}, {"s": "v", "r": "x - 1/4"}, ["v", "1 - 2*s"], sliding={"s": HOLD}),
+        {"x": 0, "v": 1},
+        3,
+        {},
+    ),
     "close roots": (System(["x", "v"], {}, {"s": "x + 1e-18", "r": "v - 9"}, ["v", "2"]), {"x": 1, "v": -2}, 2, {}),
 }
 

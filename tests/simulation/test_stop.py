@@ -85,6 +85,28 @@ def test_an_event_that_double_precision_leaves_undecided_ends_it_too() -> None:
     assert run.t[-1] == pytest.approx(1 + 1e-7, rel=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("stop", "time", "name"),
+    [
+        ({"h": "falling"}, 1, "h"),
+        ({"u": "rising"}, 1, "u"),
+        ({"u": "falling"}, 1.2, "u"),
+        ({"u": "rising", "h": "falling"}, 1, "h"),
+    ],
+)
+def test_a_jump_of_the_state_reaches_all_surfaces_that_it_crosses(stop: dict[str, str], time: float, name: str) -> None:
+    """A ball leaves the ground at 5, beyond the speed 3 of a surface: the last row of the instant is that surface's."""
+    ball = hr.System(["x", "v"], {}, {"h": "x", "u": "v - 3"}, ["v", "-10"], resets={"h": {"map": {"v": "-v/2"}}})
+    how = {"until": 9, "stop": stop}
+    run, events = hr.simulate(ball, {"x": 5, "v": 0}, **how), hr.stream(ball, {"x": 5, "v": 0}, **how)
+    assert run.t[-1] == pytest.approx(time)
+    rows = [("reset", "h"), ("crossing", "u"), ("crossing", "u")][: 2 if time == 1 else 3]
+    assert [(row.kind, row.surface) for row in events] == rows
+    assert list(zip(run.transitions.kind, run.transitions.surface, strict=True)) == rows
+    message = f"the run stopped at a transition of the surface of {name}, as requested"
+    assert run.message == events.outcome.message == message
+
+
 def test_a_stream_ends_there() -> None:
     events = hr.stream(WAVE, {"x": 1, "v": 0}, until=1e9, stop={"s": "rising"})
     assert [row.surface for row in events] == ["u", "s", "s"]

@@ -113,6 +113,20 @@ def test_a_chain_starts_anew_behind_it() -> None:
     assert table["final_x"].tolist()[2] == alone["final_x"].tolist()[0]
 
 
+def test_a_run_that_ends_at_its_start_is_observed_there() -> None:
+    """The model does not hold at the second start; ``simulate`` returns such a run, too."""
+    system = System(["x"], {"a": 1}, {"s": "x"}, ["-a*s"], valid=["a - x"])
+    own = hr.observe.function(lambda run: {"how": run.status, "kept": len(run.t)})
+    observed = [own, hr.observe.extremes("x"), hr.observe.final_state(), hr.observe.section("x"), hr.observe.sticks()]
+    table = hr.sweep(system, {"x": 1}, until=3, grid={"a": [2, 0.5]}, observe=observed, jobs=1)
+    columns = ["status", "how", "kept", "min_x", "max_x", "final_x", "stick_count"]
+    assert table[columns].to_numpy().tolist()[1] == ["invalid", "invalid", 1, 1, 1, 1, 0]
+    assert table["final_mode"].isna().tolist() == [False, True]
+    assert set(table.frames["section"]["point"]) == {0}
+    run = hr.simulate(system, {"x": 1}, until=3, parameters={"a": 0.5})
+    assert (run.status, run.t.tolist(), run.y.tolist()) == ("invalid", [0], [[1]])
+
+
 def test_nothing_is_observed_of_it() -> None:
     observed = [
         hr.observe.sticks(each=True), hr.observe.section("x"), hr.observe.extremes("v", name="v"),

@@ -59,6 +59,17 @@ def test_extremes_at_a_jump_are_of_both_sides() -> None:
     assert largest == pytest.approx([5, 8], rel=1e-14)
 
 
+def test_extremes_include_the_state_between_two_jumps_at_one_instant() -> None:
+    """x = t to 1, where a becomes p; from 4 on, that resets a to 0 at once. ``run.y`` has a = p, too."""
+    resets = {"s": {"map": {"x": "0", "a": "p"}}, "u": {"map": {"a": "0"}}}
+    chain = hr.System(["x", "a"], {"p": 5}, {"s": "1 - x", "u": "4 - a"}, ["1", "0"], resets=resets)
+    for after in (None, 1.0, 1.25):
+        least, largest = extremes(chain, {"x": 0, "a": 2}, 1.5, {"p": [5, 3]}, "a", after=after)
+        assert least.tolist() == [0, 3 if after == 1.25 else 2]
+        assert largest.tolist() == [0 if after == 1.25 else 5, 3]
+    assert hr.simulate(chain, {"x": 0, "a": 2}, until=1.5).y[1].max() == 5
+
+
 def test_the_top_of_a_parabola() -> None:
     """h = v t - g t^2/2 up to v^2/(2 g); energy is the same along a flight."""
     speeds = [1.0, 2.0, 3.0]
@@ -102,15 +113,6 @@ def test_a_run_whose_steps_exceed_the_memory_has_none(monkeypatch: pytest.Monkey
     table = hr.sweep(system, {"x": 1, "v": 0}, until=5000, grid={"w": [1, 0.001]}, observe=observed, jobs=1)
     assert table["status"].tolist() == ["ok", "ok"]
     assert np.isnan(table["max_e"]).tolist() == [True, False]
-
-
-def test_a_run_that_cannot_begin_has_none() -> None:
-    table = hr.sweep(
-        hr.System(["x"], {"a": 1}, {"s": "x"}, ["-a*s"], valid=["a - x"]),
-        {"x": 1}, until=3, grid={"a": [2.0, 0.5]}, observe=[hr.observe.extremes("x")], jobs=1,
-    )  # fmt: skip
-    assert table["max_x"][0] == 1
-    assert table["status"][1] != "ok"
 
 
 def test_a_run_that_blows_up_has_extremes() -> None:

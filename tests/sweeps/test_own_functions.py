@@ -106,7 +106,7 @@ def unsent(run: Solution) -> float:
 
 
 def test_so_does_what_a_worker_cannot_send() -> None:
-    with pytest.raises(HenonRefError, match="UnsentError in a worker process: own words") as caught:
+    with pytest.raises(HenonRefError, match="UnsentError in a worker: own words") as caught:
         swept(unsent, jobs=2, chunk=1, grid={"F": [1.0] * 100 + [2.0]})
     first, second = caught.value.__notes__
     assert first == "in the function 'value' of a sweep, at point 100 (F = 2)"

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
@@ -149,7 +149,7 @@ def test_a_scheduler_that_dies_leaves_word_of_what_is_finished(tmp_path: Path, a
     assert 3 <= finished < 24
     assert len(said) == 2
     for words in said:
-        assert words.startswith("the executor has ended or dropped its tasks, for example because the scheduler")
+        assert words.startswith("the executor has ended or dropped its tasks, for example because one of its")
         assert words.endswith(
             f"{finished} of 24 chunks are finished and stored in {out}; --resume (resume=True) continues from them"
         )
@@ -162,6 +162,45 @@ def test_an_executor_that_is_shut_down_says_so() -> None:
     executor.shutdown()
     with pytest.raises(HenonRefError, match="0 of 8 chunks are finished but lost, since no folder"):
         swept(executor=executor, chunk=3)
+
+
+class UnreadError(Exception):
+    """Can be pickled, but not read again."""
+
+    def __init__(self, first: str, second: str) -> None:
+        super().__init__(f"{first} {second}")
+
+
+def _unread(number: int) -> int:
+    raise UnreadError("own", "words")
+
+
+def test_a_process_of_somebody_elses_names_what_fails_in_it() -> None:
+    """An exception that cannot be read was a BrokenProcessPool, and its text was lost."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        with pytest.raises(HenonRefError, match="UnreadError in a worker: own words"):
+            dict(finished(_unread, [(0, (0,))], executor=pool))
+        with pytest.raises(HenonRefError, match=r"one of its processes .* died \(BrokenProcessPool: A process"):
+            dict(finished(_dies, [(0, (0,))], executor=pool))
+
+
+class AtOnce(Executor):
+    """Executes each task when it is submitted."""
+
+    def submit(self, function: Any, /, *arguments: Any, **options: Any) -> Future[Any]:
+        future = Future[Any]()
+        try:
+            future.set_result(function(*arguments))
+        except ZeroDivisionError as error:
+            future.set_exception(error)
+        return future
+
+
+def test_finished_tasks_come_before_the_exception_of_another() -> None:
+    results = finished(divmod, [(k, (6, k)) for k in range(4)], executor=AtOnce())
+    assert [next(results) for _ in range(3)] == [(1, (6, 0)), (2, (3, 0)), (3, (2, 0))]
+    with pytest.raises(ZeroDivisionError):
+        next(results)
 
 
 def test_chains_are_cut_nowhere() -> None:
