@@ -263,13 +263,17 @@ def _entered(
     ``signs``: see :func:`row_at_start`; ``exact``, ``given``: of :meth:`Integrator.begin_at`; ``held``: surfaces that
     held before and on which the start is not.
     """
-    by_signs = not given and not held
-    if by_signs and _entered_clearly(constants, workspace, signs):
+    if not given and not held and _entered_clearly(constants, workspace, signs):
         return None
     exact_signs = constants.exact_signs(exact())
-    if by_signs and _entered_clearly(constants, workspace, exact_signs):
+    if held:
+        from henon_ref.modes.end_of_run import held_signs  # rarely needed
+
+        at = constants.in_doubles.at(workspace.run.time, _state(constants, workspace))
+        exact_signs = held_signs(at, exact_signs, held, NEAR * workspace.run.tolerance)
+    if not given and _entered_clearly(constants, workspace, exact_signs):
         return None
-    return _decided(constants, workspace, exact_signs, given, held)
+    return _decided(constants, workspace, exact_signs, given)
 
 
 def _entered_clearly(constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None]) -> bool:
@@ -285,18 +289,20 @@ def _enter(constants: ModeConstants, workspace: Workspace, row: int, surface: in
     return bool(kernel.enter_at_start(workspace.run, constants.update().tables, mode, surface))
 
 
+def _state(constants: ModeConstants, workspace: Workspace) -> tuple[float, ...]:
+    return tuple(workspace.state[STATE_PLACE : STATE_PLACE + len(constants.table.system.states)].tolist())
+
+
 def _decided(
     constants: ModeConstants,
     workspace: Workspace,
     signs: Sequence[int | None],
     given: Mapping[int, int],
-    held: tuple[int, ...],
 ) -> Trajectory | None:
     """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
     table, t = constants.table, workspace.run.time
-    states, surfaces = len(table.system.states), len(table.system.surfaces)
-    x = tuple(workspace.state[STATE_PLACE : STATE_PLACE + states].tolist())
-    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), held, NEAR * workspace.run.tolerance)
+    states, surfaces, x = len(table.system.states), len(table.system.surfaces), _state(constants, workspace)
+    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), NEAR * workspace.run.tolerance)
     row = None if found.mode is None else table.row(found.mode)
     if found.mode is None or row is None:
         reason = found.reason or "the mode at the start has no equations"

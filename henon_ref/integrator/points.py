@@ -106,6 +106,8 @@ class PointRuns:
         States at the ends.
     others : dict of int to Trajectory
         Results of the points that were set aside, without transitions.
+    refused : set of int
+        Points that have no initial mode.
     held_entries : dict of int to dict of int to int
         Surface -> its entry in the mode at the start, of the surfaces ``held`` before the points that were set aside.
     """
@@ -136,6 +138,7 @@ class PointRuns:
         self.ends = np.zeros(points, dtype=END)
         self.states = np.zeros((points, n))
         self.others: dict[int, Trajectory] = {}
+        self.refused = set[int]()
         self.held_entries: dict[int, dict[int, int]] = {}
         self._numbers: dict[Mode, int] = {}
 
@@ -313,7 +316,9 @@ class _Part:
         """Run a point that was set aside; yield its transitions."""
         runs, number = self.runs, self.first + point
         run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
-        if runs.held is not None and run.start.refused is None:
+        if run.start.refused is not None:
+            runs.refused.add(number)
+        elif runs.held is not None:
             runs.held_entries[number] = {i: run.mode[i] for i in np.flatnonzero(runs.held[number]).tolist()}
         memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
         kept = [np.empty((0, self.kept.shape[1]))]

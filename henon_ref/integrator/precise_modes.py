@@ -301,19 +301,17 @@ def start_mode(
     x: tuple[float, ...],
     signs: tuple[int | None, ...],
     given: tuple[tuple[int, int], ...],
-    held: tuple[int, ...],
     part: float,
 ) -> StartMode:
     """Return the mode of a start on surfaces that compiled code does not decide, by fields and derivatives.
 
     ``modes``: in doubles; ``signs``: of the surfaces, then of the ``valid`` expressions, None for one without a value;
-    ``given``: surfaces with their entries, where several motions are possible; ``held``, ``part``: as of
-    :func:`signs_in_mode`.
+    ``given``: surfaces with their entries, where several motions are possible; ``part``: see :func:`signs_in_mode`.
     """
     system, count = modes.system, len(modes.system.surfaces)
     known = [1 if sign is None else sign for sign in signs]
     at = modes.at(t, x)
-    known[:count], entries = signs_in_mode(at, known[:count], dict(given), held, part)
+    known[:count], entries = signs_in_mode(at, known[:count], dict(given), part)
     decision = mode_by_signs(at, known[:count], known[count:], entries)
     unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
     for i, sign in enumerate(signs):

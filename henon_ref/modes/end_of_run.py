@@ -17,22 +17,28 @@ if TYPE_CHECKING:
 
 
 def signs_in_mode(
-    at: TapePoint, surfaces: Sequence[int], given: Mapping[int, int], held: Collection[int], part: float
+    at: TapePoint, surfaces: Sequence[int], given: Mapping[int, int], part: float
 ) -> tuple[list[int], dict[int, int]]:
-    """Return the signs of the surfaces at the end of a run, and its mode without hidden kinks of another sign.
+    """Return the signs of the surfaces in a given mode, and this mode without hidden kinks of another sign.
 
-    The sign is 0 where it contradicts the ``given`` mode, or the surface was ``held``, and the state is off the surface
-    by no more than the error of a run (:func:`is_near`).
+    The sign is 0 where it contradicts the mode and the state is off the surface by no more than the error of a run
+    (:func:`is_near`).
     """
-    before, signs, kept = {**dict.fromkeys(held, 0), **given}, list(surfaces), dict(given)
-    mode = tuple(before.get(i, sign) for i, sign in enumerate(surfaces))
-    for i, entry in before.items():
+    mode, signs, kept = tuple(given.get(i, sign) for i, sign in enumerate(surfaces)), list(surfaces), dict(given)
+    for i, entry in given.items():
         if signs[i] not in (0, entry):
             if hidden(at.system, i, mode):
-                kept.pop(i, None)
+                del kept[i]
             elif is_near(at, mode, i, part):
                 signs[i] = 0
     return signs, kept
+
+
+def held_signs(at: TapePoint, signs: Sequence[int | None], held: Collection[int], part: float) -> list[int | None]:
+    """Return signs with 0 for the surfaces that held before, where the state is off them by no more than an error."""
+    mode = tuple(0 if i in held else 1 if sign is None else sign for i, sign in enumerate(signs))
+    mode = mode[: len(at.system.surfaces)]
+    return [0 if i in held and is_near(at, mode, i, part) else sign for i, sign in enumerate(signs)]
 
 
 def is_near(at: TapePoint, mode: Mode, index: int, part: float) -> bool:

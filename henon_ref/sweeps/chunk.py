@@ -241,7 +241,7 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
         runs.status[own[point]], runs.message[own[point]] = made.status(point)
     for point, end in made.others.items():
         runs.status[own[point]], runs.message[own[point]] = end.status, end.reason or OK
-        if made.start(point).refused is not None:  # no initial mode exists
+        if point in made.refused:  # no initial mode exists
             mode[point] = -1
     rows = runs.rows_of_modes(made.modes)
     runs.end_time[own], runs.end_state[own], runs.end_mode[own] = made.ends["time"], made.states, rows[mode]

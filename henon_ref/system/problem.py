@@ -329,7 +329,7 @@ def _initial_mode(source: Source, problem: Problem, part: float) -> dict[int, in
         from henon_ref.modes.mode_evaluation import in_doubles
 
         at = in_doubles(problem.system).at_start(problem)
-        found, modes = signs_in_mode(at, _sides(problem), modes, (), part)
+        found, modes = signs_in_mode(at, _sides(problem), modes, part)
         signs = dict(enumerate(found))
     for i, entry in modes.items():
         if signs[i] not in (0, entry):
