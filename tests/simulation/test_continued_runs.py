@@ -186,3 +186,15 @@ def test_a_kink_that_another_branch_hides_has_no_side() -> None:
     assert 1 in kinks.values()
     assert first.y[0, -1] < -3
     assert found.transitions.time_s.tolist() == pytest.approx(whole.transitions.time_s.tolist(), abs=1e-9)
+
+
+def test_a_run_that_has_stopped_on_a_surface_is_continued_beyond_it() -> None:
+    """Without the mode the next run begins before the surface again, by rounding, and stops at once."""
+    oscillator = hr.System(["x", "v"], {}, {"s": "x - 1/10"}, ["v", "-x"])
+    t, state, mode, times = 0.0, np.array([1.0, 0.0]), None, []
+    for _ in range(4):
+        run = hr.simulate(oscillator, state, start=t, until=100, stop={"s": "falling"}, mode=mode)
+        t, state = float(run.t[-1]), run.y[:, -1]
+        mode = run.mode(t)
+        times.append(t)
+    assert times == pytest.approx(np.arccos(0.1) + 2 * np.pi * np.arange(4), abs=1e-8)
