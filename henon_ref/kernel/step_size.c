@@ -26,7 +26,17 @@ static inline double rough_root(double above, double below, double power)
     return whole * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part));
 }
 
-/* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units. */
+/* Check whether a state leaves zero by a power of time higher than two: no coefficient tells its size on a step. */
+static inline bool without_size(const double *row)
+{
+    return row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0;
+}
+
+/* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units.
+ *
+ * States without a size limit no step; it is validated at the start and after an event (may_hide_terms), where a state
+ * may be exactly zero.
+ */
 static inline void error_norms(const struct work *w, const double *c, int64_t rows, double theta, double *last,
                                double *before)
 {
@@ -35,6 +45,8 @@ static inline void error_norms(const struct work *w, const double *c, int64_t ro
     for (int64_t r = 0; r < rows; r++) {
         const double *row = c + r * w->width;
         double scale = fused(theta, fused(theta, fabs(row[2]), fabs(row[1])), fabs(row[0])) + 1e-300;
+        if (r < w->run->states && without_size(row))
+            continue;
         *last = larger(*last, fabs(row[order]) / scale);
         *before = larger(*before, fabs(row[order - 1]) / scale);
     }
@@ -67,6 +79,8 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     double power = 1.0 / (double)w->run->order, other = 1.0 / (double)(w->run->order - 1);
     if (!(norms[2] < INFINITY))
         return 0.0;
+    if (larger(last, before) > 1e200) /* a state without a size */
+        error_norms(w, c, rows, theta, &last, &before);
     for (int step = 0; step < 4; step++) {
         double new = UNLIMITED;
         if (last > 0.0)
@@ -105,6 +119,8 @@ static double flat_step_size(const struct work *w, int64_t rows)
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
+        if (r < n && without_size(row))
+            continue;
         while (r >= n && row[first] == 0.0 && first < order - 4)
             first += 1;
         double theta = 1.0, least = r >= n && w->ahead[r] < INFINITY ? w->ahead[r] : 0.0;
