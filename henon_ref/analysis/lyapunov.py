@@ -181,7 +181,7 @@ def lyapunov_exponents(
     if not (isinstance(discard, Real) and 0 <= float(discard) < math.inf):
         raise ArgumentError(f"discard is {str(discard)[:60]}; wanted a time in s, 0 or larger")
     until = f"({written(start, 'start')}) + 1"  # any later time: ``span`` sets the end
-    _, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
-    return lyapunov_spectrum(
-        problem, discard=float(discard), span=float(span), tolerance=local_error(tolerance_of(rtol))
-    )
+    error = min(local_error(tolerance_of(rtol)), LOCAL_ERROR)
+    given = {"start": start, "parameters": parameters, "mode": mode}
+    _, problem = problem_of(system, initial, until=until, **given, error=error)
+    return lyapunov_spectrum(problem, discard=float(discard), span=float(span), tolerance=error)

@@ -33,6 +33,8 @@ from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """Limit on steps that no run reaches."""
+NEAR = 100
+"""A start counts as on a surface of its given mode if it is off it by no more than this many local errors of a step."""
 MOST_STEPS = 100_000_000
 """Default limit on the steps of a run."""
 
@@ -171,6 +173,7 @@ class Integrator:
         start: Any = 0.0,
         until: Any,
         mode: Mapping[int, int] | None = None,
+        held: Sequence[int] = (),
         **settings: Any,
     ) -> Start:
         """Return the start of a run, in microseconds if it is clearly off every surface.
@@ -187,6 +190,9 @@ class Integrator:
             Initial time and horizon [s].
         mode : mapping, optional
             Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
+        held : sequence of int
+            Surfaces that held before: the state counts as on them if it is off them by no more than an error
+            (:data:`NEAR`).
         **settings
             ``tolerance``, ``landing`` and others of :func:`run_template`.
 
@@ -198,7 +204,7 @@ class Integrator:
         numbers = tuple(map(pair_of_exact, (until, start, *initial)))
         template, point = run_template(self.mode_table.sizes, **settings), (start, *initial)
         exact = lambda: list(map(exact_expression, point))  # noqa: E731
-        return self.begin_at(self.constants(values), template, numbers, exact, mode or {})
+        return self.begin_at(self.constants(values), template, numbers, exact, mode or {}, held)
 
     def begin_at(
         self,
@@ -207,17 +213,19 @@ class Integrator:
         numbers: tuple[Pair, ...],
         exact: Callable[[], Sequence[Any]],
         mode: Mapping[int, int],
+        held: Sequence[int] = (),
     ) -> Start:
         """Return the start of a run from pairs of doubles.
 
         ``template``: as :func:`run_template` returns it; ``numbers``: horizon, initial time and states; ``exact``:
-        returns time and states as exact numbers, of Python or SymPy, if pairs do not decide a sign; ``mode``: as in
-        :meth:`begin`.
+        returns time and states as exact numbers, of Python or SymPy, if pairs do not decide a sign; ``mode`` and
+        ``held``: as in :meth:`begin`.
         """
         workspace = self.workspace()
         signs = constants.start(workspace, template, numbers)
-        clear = signs is None and not mode
-        refused = None if clear else _entered(constants, workspace, signs or (), exact, mode)
+        off = tuple([i for i in held if not signs or signs[i] != 0])
+        clear = signs is None and not mode and not off
+        refused = None if clear else _entered(constants, workspace, signs or (), exact, mode, off)
         found = Start(numbers[1], numbers[0], numbers[2:], refused, constants, bytearray(workspace.memory))
         self.free.append(workspace)
         return found
@@ -247,14 +255,21 @@ def _entered(
     signs: Sequence[int],
     exact: Callable[[], Sequence[Any]],
     given: Mapping[int, int],
+    held: tuple[int, ...],
 ) -> Trajectory | None:
     """Put a run into its initial mode; if no mode exists, return the result of every run.
 
-    ``signs``: see :func:`row_at_start`; ``exact``, ``given``: of :meth:`Integrator.begin_at`.
+    ``signs``: see :func:`row_at_start`; ``exact``, ``given``: of :meth:`Integrator.begin_at`; ``held``: surfaces that
+    held before and on which the start is not.
     """
-    if not given and _entered_clearly(constants, workspace, signs):
+    if not given and not held and _entered_clearly(constants, workspace, signs):
         return None
     exact_signs = constants.exact_signs(exact())
+    if held:
+        from henon_ref.modes.end_of_run import held_signs  # rarely needed
+
+        at = constants.in_doubles.at(workspace.run.time, _state(constants, workspace))
+        exact_signs = held_signs(at, exact_signs, held, NEAR * workspace.run.tolerance)
     if not given and _entered_clearly(constants, workspace, exact_signs):
         return None
     return _decided(constants, workspace, exact_signs, given)
@@ -273,14 +288,20 @@ def _enter(constants: ModeConstants, workspace: Workspace, row: int, surface: in
     return bool(kernel.enter_at_start(workspace.run, constants.update().tables, mode, surface))
 
 
+def _state(constants: ModeConstants, workspace: Workspace) -> tuple[float, ...]:
+    return tuple(workspace.state[STATE_PLACE : STATE_PLACE + len(constants.table.system.states)].tolist())
+
+
 def _decided(
-    constants: ModeConstants, workspace: Workspace, signs: Sequence[int | None], given: Mapping[int, int]
+    constants: ModeConstants,
+    workspace: Workspace,
+    signs: Sequence[int | None],
+    given: Mapping[int, int],
 ) -> Trajectory | None:
     """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
     table, t = constants.table, workspace.run.time
-    states, surfaces = len(table.system.states), len(table.system.surfaces)
-    x = tuple(workspace.state[STATE_PLACE : STATE_PLACE + states].tolist())
-    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()))
+    states, surfaces, x = len(table.system.states), len(table.system.surfaces), _state(constants, workspace)
+    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), NEAR * workspace.run.tolerance)
     row = None if found.mode is None else table.row(found.mode)
     if found.mode is None or row is None:
         reason = found.reason or "the mode at the start has no equations"

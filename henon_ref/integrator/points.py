@@ -88,6 +88,8 @@ class PointRuns:
         By default no transition is kept.
     mode : mapping, optional
         Surface -> -1, 0 or +1, for starts on a surface from which several motions are possible; Python decides these.
+    held : array_like of bool, shape (points, surfaces), optional
+        Surfaces that held before, as of :meth:`Integrator.begin`.
     exact : callable, optional
         Returns the exact numbers of a point, by index. By default the printed decimal numbers.
     **settings
@@ -104,6 +106,10 @@ class PointRuns:
         States at the ends.
     others : dict of int to Trajectory
         Results of the points that were set aside, without transitions.
+    refused : set of int
+        Points that have no initial mode.
+    held_entries : dict of int to dict of int to int
+        Surface -> its entry in the mode at the start, of the surfaces ``held`` before the points that were set aside.
     """
 
     def __init__(
@@ -116,13 +122,14 @@ class PointRuns:
         until: ArrayLike,
         keep: Keep = NOTHING,
         mode: Mapping[int, int] | None = None,
+        held: ArrayLike | None = None,
         exact: Callable[[int], ExactPoint] | None = None,
         **settings: Any,
     ) -> None:
         if integrator.system.parameters:
             raise ModelError("an integrator of a system with values of its parameters runs that system alone")
         self.integrator, self.keep, self.given_mode, self._exact = integrator, keep, mode, exact
-        self.settings = settings
+        self.held, self.settings = None if held is None else np.asarray(held, dtype=bool), settings
         self.values = _pairs(values, 2)
         self.initial = _pairs(initial, 2)
         points, n = self.initial.shape[:2]
@@ -131,6 +138,8 @@ class PointRuns:
         self.ends = np.zeros(points, dtype=END)
         self.states = np.zeros((points, n))
         self.others: dict[int, Trajectory] = {}
+        self.refused = set[int]()
+        self.held_entries: dict[int, dict[int, int]] = {}
         self._numbers: dict[Mode, int] = {}
 
     @property
@@ -168,7 +177,9 @@ class PointRuns:
     def start(self, point: int) -> Start:
         """Return the start of a point's run."""
         values, initial, begin, until = self.exact(point)
-        return self.integrator.begin(values, initial, start=begin, until=until, mode=self.given_mode, **self.settings)
+        held = () if self.held is None else np.flatnonzero(self.held[point]).tolist()
+        given = {"start": begin, "until": until, "mode": self.given_mode, "held": held}
+        return self.integrator.begin(values, initial, **given, **self.settings)
 
     def __iter__(self) -> Iterator[NDArray[Any]]:
         first, points = 0, len(self.initial)
@@ -274,6 +285,8 @@ class _Part:
                 own = places.ravel() == k
                 row, surfaces[own] = found
                 rows[own] = written(row, contacts) if contacts else row
+        if runs.held is not None:
+            rows[(runs.held[self.part] & (signs[:, : runs.held.shape[1]] != 0)).any(axis=1)] = -1
         return rows, surfaces
 
     def _constants(self, points: Any) -> LoopData:
@@ -303,6 +316,10 @@ class _Part:
         """Run a point that was set aside; yield its transitions."""
         runs, number = self.runs, self.first + point
         run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
+        if run.start.refused is not None:
+            runs.refused.add(number)
+        elif runs.held is not None:
+            runs.held_entries[number] = {i: run.mode[i] for i in np.flatnonzero(runs.held[number]).tolist()}
         memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
         kept = [np.empty((0, self.kept.shape[1]))]
         for block in run.stream():

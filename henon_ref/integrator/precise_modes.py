@@ -22,6 +22,7 @@ from henon_ref.kernel.library import EPS
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
 from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.modes.end_of_run import signs_in_mode
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.mode_evaluation import (
@@ -300,16 +301,18 @@ def start_mode(
     x: tuple[float, ...],
     signs: tuple[int | None, ...],
     given: tuple[tuple[int, int], ...],
+    part: float,
 ) -> StartMode:
     """Return the mode of a start on surfaces that compiled code does not decide, by fields and derivatives.
 
     ``modes``: in doubles; ``signs``: of the surfaces, then of the ``valid`` expressions, None for one without a value;
-    ``given``: surfaces with their entries, where several motions are possible.
+    ``given``: surfaces with their entries, where several motions are possible; ``part``: see :func:`signs_in_mode`.
     """
     system, count = modes.system, len(modes.system.surfaces)
     known = [1 if sign is None else sign for sign in signs]
     at = modes.at(t, x)
-    decision = mode_by_signs(at, known[:count], known[count:], dict(given))
+    known[:count], entries = signs_in_mode(at, known[:count], dict(given), part)
+    decision = mode_by_signs(at, known[:count], known[count:], entries)
     unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
     for i, sign in enumerate(signs):
         if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
@@ -317,7 +320,7 @@ def start_mode(
             return StartMode(None, [], [], reason=f"{what} has no finite real value at the start")
     if decision.mode is None:
         return StartMode(None, [], [], decision.ending, decision.reason)
-    active, edges = ([i for i, sign in enumerate(part) if sign == 0] for part in (signs[:count], signs[count:]))
+    active, edges = ([i for i, sign in enumerate(some) if sign == 0] for some in (known[:count], known[count:]))
     if not (active or edges):
         return StartMode(decision.mode, [], [])
     try:

@@ -45,7 +45,7 @@ class Doubles:
         """
         rate = 0.0
         for series in states:
-            rate = max(rate, _growth(series, 3 if _noise(series, 1, 3) else 1))
+            rate = max(rate, growth(series, 3 if _noise(series, 1, 3) else 1))
         for series in guards:
             for j in range(2, len(series) // 2 + 1):
                 if series[j] == 0 or _noise(series, j, j + 1):
@@ -152,7 +152,7 @@ class Point(Protocol):
         """Whether two modes with equations have the same motion, in all derivatives that are computed."""
 
 
-def _growth(series: Sequence[float], first: int) -> float:
+def growth(series: Sequence[float], first: int) -> float:
     """Return the growth rate of coefficients from the larger of the two at ``first``; 0 if both are zero."""
     slope, rate = max((abs(c) for c in series[first : first + 2]), default=0.0), 0.0
     for k in range(first + 1, len(series)):
@@ -166,7 +166,7 @@ def _noise(series: Sequence[float], first: int, after: int) -> bool:
 
     Both are in units of the growth rate of these two.
     """
-    terms = [abs(c) for c in scaled(series, _growth(series, after) or 1.0)]
+    terms = [abs(c) for c in scaled(series, growth(series, after) or 1.0)]
     return 0.0 < max(terms[first:after]) <= 1e-13 * max(terms[after : after + 2], default=0.0)
 
 

@@ -71,7 +71,8 @@ def launch(
         integrator = quick.integrator
     else:  # errors are reported before anything is compiled
         error = local_error(tolerance_of(tolerance))
-        own, problem = problem_of(system, initial, until=until, start=start, parameters=parameters, mode=mode)
+        given = {"until": until, "start": start, "parameters": parameters, "mode": mode}
+        own, problem = problem_of(system, initial, **given, error=error)
         with notice_if_slow("compiling the system"):
             integrator = integrator_of(own, error, problem.system.open_kinks)
             with one_at_a_time():

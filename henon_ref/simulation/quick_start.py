@@ -131,7 +131,7 @@ class QuickStart:
         if not (end[0] - time[0]) + (end[1] - time[1]) > 0.0:
             return None
         constants, entries = self._constants(names, given), self._entries(mode) if mode else {}
-        if constants is None or entries is None:
+        if constants is None or entries is None or not entries.keys().isdisjoint(self._stops):
             return None
         if self._in_kinks and kernel.UNCLEAR_SIGN in constants.signs(numbers[1:]):
             return None

@@ -50,7 +50,8 @@ def simulate(
     parameters : mapping, optional
         Values that replace the system's; parameters that depend on them are recomputed.
     mode : mapping, optional
-        Sign -> -1, 0 or +1, for a start on a surface from which several motions are possible.
+        Sign -> -1, 0 or +1, for a start on a surface from which several motions are possible, or where another run was
+        in this mode (``run.mode(t)``): the start may be off the surfaces by the error of that run, ten times ``rtol``.
     dense_output : bool
         Keep the polynomials of the steps. A run whose steps and transitions take 2 GiB ends with status ``failed``
         (with two states and the default ``rtol``, some 5 million steps); a stream keeps neither.

@@ -126,10 +126,8 @@ class Solution(Outcome):
         Raises
         ------
         ArgumentError
-            Also a ValueError, if a time lies outside the run or there is no dense output.
+            Also a ValueError, if a time lies outside the run.
         """
-        if self.sol is None:
-            raise ArgumentError(f"the mode at a time {_NO_DENSE}")
         times = checked_times(t, self.start_time, self.trajectory.end_time)
         names = self._base.model.sign_names
         modes = [dict(zip(names, mode, strict=False)) for mode in self._modes(np.atleast_1d(times))]

@@ -104,32 +104,10 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
         own = np.arange(step, len(runs), work.chain)
         if step:
             carried = own[runs.status[own - 1] == "ok"]
-            runs.initial[carried] = decimal_pairs(_carried_states(runs, carried))
+            runs.initial[carried] = decimal_pairs(runs.end_state[carried - 1])
             runs.end_state[carried] = runs.initial[carried, :, 0]
         _run_step(runs, own[wrong[own] == None], open_kinks)  # noqa: E711 - entry by entry
     return runs
-
-
-def _carried_states(runs: Runs, own: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the final states of the points before some points, moved onto the surfaces that hold there.
-
-    The state of a contact that holds is on its surface only up to rounding; beside it the next run would begin without
-    contact. A surface that is not where it was, since it depends on time or on the parameter of the chain, is left.
-    """
-    system, before = runs.system.model, own - 1
-    states, holding = runs.end_state[before].copy(), runs.holding(before)
-    now, then = ({name: pairs[at, 0] for name, pairs in runs.numbers.items()} for at in (own, before))
-    now, then = {**now, TIME.name: runs.times[own, 0, 0]}, {**then, TIME.name: runs.end_time[before]}
-    for i, surface in enumerate(system.surfaces):
-        rates = [surface.diff(state) for state in system.states]
-        moves = next((j for j, rate in enumerate(rates) if rate != 0 and rate.is_number), None)
-        if moves is None or not holding[:, i].any():
-            continue
-        point = dict(zip(runs.system.state, states.T, strict=True))
-        off, there = (values_at(surface, {**numbers, **point}, len(own)) for numbers in (now, then))
-        moved = holding[:, i] & (off == there)
-        states[moved, moves] -= off[moved] / float(rates[moves])
-    return states
 
 
 def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -167,7 +145,8 @@ def problem_at(work: Work, values: Mapping[str, float]) -> Problem:
     states = {name: value for name, value in values.items() if name in work.system.state}
     swept = {name: value for name, value in values.items() if name not in states}
     start = {**work.initial, **states}
-    return problem_of(work.system, start, until=work.until, start=work.start, parameters=swept, mode=work.mode)[1]
+    given = {"until": work.until, "start": work.start, "parameters": swept, "mode": work.mode}
+    return problem_of(work.system, start, **given, error=local_error(work.rtol))[1]
 
 
 def _may_have_open_kinks(model: FilippovSystem, point: Mapping[str, Vector], count: int) -> NDArray[np.bool_]:
@@ -237,6 +216,8 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
     for k, symbol in enumerate(integrator.parameters):
         values[:, k] = runs.numbers[symbol.name][own]
     initial, times = runs.initial[own], runs.times[own]
+    carried = (own % work.chain > 0) & (runs.status[own - 1] == "ok")
+    held = runs.holding(own - 1) & carried[:, None] if carried.any() else None
     signs = work.system.model.sign_names
     made = PointRuns(
         integrator,
@@ -248,16 +229,19 @@ def _run(runs: Runs, integrator: Integrator, own: Places) -> None:
         keep=work.keep,
         most_steps=work.max_steps,
         mode={signs.index(sign): side for sign, side in (work.mode or {}).items()},
+        held=held,
         exact=_exact_points(runs, own, [s.name for s in integrator.parameters], values, initial, times),
     )
     kept = [block for block in made if len(block)] if len(own) else []
     runs.status[own], runs.message[own], runs.refused[own] = "ok", OK, False
+    for point, entries in made.held_entries.items():  # of the sections that follow the surfaces, none
+        runs.held_entries[own[point]] = {signs[i]: entry for i, entry in entries.items() if i < len(signs)}
     mode = made.ends["mode"].astype(np.int64)
     for point in np.flatnonzero(made.ends["code"] == kernel.BUDGET_SPENT).tolist():
         runs.status[own[point]], runs.message[own[point]] = made.status(point)
     for point, end in made.others.items():
         runs.status[own[point]], runs.message[own[point]] = end.status, end.reason or OK
-        if made.start(point).refused is not None:  # no initial mode exists
+        if point in made.refused:  # no initial mode exists
             mode[point] = -1
     rows = runs.rows_of_modes(made.modes)
     runs.end_time[own], runs.end_state[own], runs.end_mode[own] = made.ends["time"], made.states, rows[mode]

@@ -184,6 +184,8 @@ class Runs:
         """Numbers of steps, expansions, evaluations of guards."""
         self.refused = np.ones(count, dtype=np.bool_)
         """Whether a point has no run; initially True for all points."""
+        self.held_entries: dict[int, dict[str, int]] = {}
+        """Entries of the mode in which a run of a chain began, on surfaces that held at the end of the run before."""
         self._records: list[NDArray[Any]] = []
         self._rows: dict[Mode, int] = {}
 
@@ -270,7 +272,7 @@ class Runs:
                 "start": start,
                 "until": until,
                 "rtol": work.rtol,
-                "mode": work.mode,
+                "mode": {**(work.mode or {}), **self.held_entries.get(k, {})} or None,
                 "max_steps": work.max_steps,
             }
 

@@ -30,8 +30,11 @@ PARTIAL = (sp.tan, sp.log, sp.asin, sp.acos)
 """Functions with a restricted domain or with poles."""
 
 
-def build_problem(source: Source) -> Problem:
-    """Return the problem of one reading of a case."""
+def build_problem(source: Source, part: float = 0.0) -> Problem:
+    """Return the problem of one reading of a case.
+
+    ``part``: of :func:`henon_ref.modes.end_of_run.signs_in_mode`; 0: the start is exactly on the surfaces of its mode.
+    """
     system = build_system(source)
     values = system.parameter_values
     start = source.number(("initial", "t"), values) if "t" in source.keys(("initial",)) else sp.Integer(0)
@@ -40,9 +43,10 @@ def build_problem(source: Source) -> Problem:
         raise source.error(("until",), f"'until' must be later than the start, t = {start}")
     problem = with_open_kinks(Problem(system, start, _initial(source, system), until))
     _check_start(source, problem)
+    problem = replace(problem, initial_mode=_initial_mode(source, problem, part))
     if source.has_scene:
-        _check_stops(source, problem)
-    return replace(problem, initial_mode=_initial_mode(source, problem))
+        _check_stops(source, problem, part)
+    return problem
 
 
 def build_system(source: Source) -> FilippovSystem:
@@ -267,20 +271,30 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
     return value.has(*NOT_FINITE) or value.is_real is False or any(ends)
 
 
-def _check_stops(source: Source, problem: Problem) -> None:
-    """Raise CaseError if a scene starts beyond a hard stop, or on one and moving into it."""
+def _check_stops(source: Source, problem: Problem, part: float) -> None:
+    """Raise CaseError if a scene starts beyond a hard stop, or on one and moving into it; an error is left out."""
     from henon_ref.modes.resets import impact_of, into_surface
 
-    system = problem.system
+    system, given = problem.system, problem.initial_mode
     for i in sorted(system.resets):
         name, impact = system.sign_names[i], impact_of(system, i)
         side = _side_at_start(problem, system.surfaces[i])
-        if side < 0:
+        if side < 0 and given.get(i, -1) < 0:
             message = f"the start is beyond the stop {name}: x_p - x_q is less than its gap"
             raise source.error(("initial",), message, key=True)
-        if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
+        moves_in = side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0
+        if moves_in and not (i in given and _rests(problem, i, part)):
             reason = into_surface(name, str(problem.start))
             raise source.error(("initial",), f"the start is invalid: {reason}", key=True)
+
+
+def _rests(problem: Problem, stop: int, part: float) -> bool:
+    """Check whether a start on a stop rests there in its given mode, up to an error."""
+    from henon_ref.modes.end_of_run import is_near  # rarely needed
+    from henon_ref.modes.mode_evaluation import in_doubles
+
+    mode = tuple(problem.initial_mode.get(i, side) for i, side in enumerate(_sides(problem)))
+    return part > 0 and mode[stop] == 0 and is_near(in_doubles(problem.system).at_start(problem), mode, stop, part)
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
@@ -299,7 +313,7 @@ def _at_start(problem: Problem, expression: sp.Expr) -> sp.Expr:
     return put(problem.system.numeric(expression), start)
 
 
-def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
+def _initial_mode(source: Source, problem: Problem, part: float) -> dict[int, int]:
     order = list(problem.system.sign_names)
     modes = {}
     for name in source.keys(("initial", "mode")):
@@ -308,10 +322,19 @@ def _initial_mode(source: Source, problem: Problem) -> dict[int, int]:
         if name not in order:
             raise source.unknown(path, f"'{name}' is not a surface", "surfaces", order)
         index = order.index(name)
-        side = _side_at_start(problem, problem.system.surfaces[index])
-        if side not in (0, entry):
-            raise source.error(path, f"the start is not on the surface of '{name}', whose sign is {side:+d} there")
         modes[index] = entry
+    signs = {i: _side_at_start(problem, problem.system.surfaces[i]) for i in modes}
+    if part and any(signs[i] not in (0, entry) for i, entry in modes.items()):
+        from henon_ref.modes.end_of_run import signs_in_mode  # rarely needed
+        from henon_ref.modes.mode_evaluation import in_doubles
+
+        at = in_doubles(problem.system).at_start(problem)
+        found, modes = signs_in_mode(at, _sides(problem), modes, part)
+        signs = dict(enumerate(found))
+    for i, entry in modes.items():
+        if signs[i] not in (0, entry):
+            what = f"the start is not on the surface of '{order[i]}', whose sign is {signs[i]:+d} there"
+            raise source.error(("initial", "mode", order[i]), what)
     sliding = frozenset(index for index, entry in modes.items() if entry == 0)
     try:
         problem.system.shared_equations(sliding)

@@ -96,11 +96,13 @@ def test_modes_of_several_surfaces_are_text_as_in_the_reports() -> None:
     assert run.final_mode == " ".join(f"{n}={m:+d}" if m else f"{n}=0" for n, m in run.mode(float(case.until)).items())
 
 
-def test_without_dense_output_there_is_neither_solution_nor_mode() -> None:
+def test_without_dense_output_there_is_no_solution_but_the_mode(stick_slip: hr.Solution) -> None:
     run = hr.simulate(BELT, {"x": 1.5, "v": 0}, until=20, dense_output=False)
     assert run.sol is None
+    times = np.linspace(0, 20, 50)
+    assert run.mode(times) == stick_slip.mode(times)
     with pytest.raises(hr.HenonRefError, match="dense_output=True"):
-        run.mode(1.0)
+        run.to_dataframe(times)
     with pytest.raises(hr.HenonRefError, match="dense output"):
         run.plot()
 
