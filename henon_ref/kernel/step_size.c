@@ -94,8 +94,18 @@ static void mark_faint(const struct work *w)
     }
 }
 
-/* step_size for guards that have more than two zeros, or are only rounding: the size of such a guard is taken from its
- * terms after the known zeros and after terms that are zero, and is at least the rounding of its own operations. */
+/* Size of a row on a step of theta units: that of its first three terms, or of its first term that is not zero. */
+static inline double row_size(const double *row, int64_t order, double theta)
+{
+    double size = fabs(row[0]) + theta * (fabs(row[1]) + theta * fabs(row[2]));
+    for (int64_t k = 3; size == 0.0 && k <= order; k++)
+        size = fabs(row[k]) * whole_power(theta, k);
+    return size;
+}
+
+/* step_size for states that leave zero by a power of time above two, and for guards that have more than two zeros, or are
+ * only rounding: the size of such a row is taken from its terms after the known zeros and after terms that are zero, and
+ * that of a guard is at least the rounding of its own operations. */
 static double flat_step_size(const struct work *w, int64_t rows)
 {
     const struct run *run = w->run;
@@ -105,7 +115,8 @@ static double flat_step_size(const struct work *w, int64_t rows)
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
-        while (r >= n && row[first] == 0.0 && first < order - 4)
+        bool flat = r >= n || (row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0);
+        while (flat && row[first] == 0.0 && first < order - 4)
             first += 1;
         double theta = 1.0, least = r >= n && w->ahead[r] < INFINITY ? w->ahead[r] : 0.0;
         for (int step = 0; step < 4; step++) {

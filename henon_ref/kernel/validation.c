@@ -86,7 +86,7 @@ static enum tail tail_shape(const double *row, int64_t order, double theta, doub
     double end = shift * larger(fabs(row[last + 2]) * square, fabs(row[last + 3]) * cube);
     if (GAP_RATIO * before < end && end < SLOW * smaller(half, before))
         return DECREASING;
-    double scale = least_part * (fabs(row[0]) + theta * (fabs(row[1]) + theta * fabs(row[2])));
+    double scale = least_part * row_size(row, order, theta);
     for (int64_t k = 0; k < middle; k++)
         scale /= theta;
     if (least_part > 0.0 && larger(end, before) <= scale)

@@ -72,6 +72,17 @@ def quadrature(field: str, from_: float, until: float) -> float:
     return float(mpmath.quad(function, places))
 
 
+@pytest.mark.parametrize("rtol", [10.0**-k for k in range(3, 14)])
+@pytest.mark.parametrize(
+    "field", ["1 - cos(t)", "1 - cos(t^2)", "log(1 + t^3)", "exp(t) - 1 - t - t^2/2", "1 - sqrt(1 + t^4)"]
+)
+def test_a_state_that_leaves_zero_by_a_power_of_time(field: str, rtol: float) -> None:
+    """Its first three terms are zero at the start, where it has no other size than that of its later terms."""
+    run = hr.simulate(hr.System(["y"], {}, {}, [field]), {"y": 0}, until=2, rtol=rtol, max_steps=100)
+    assert run.success
+    assert run.y[0, -1] == pytest.approx(quadrature(field, 0, 2), rel=20 * rtol)
+
+
 RAMPS = ["tanh(t^{})", "1 - exp(-t^{})", "cos(t^{})", "1/(1 + t^{})"]
 """Forcings that set in at t = 0 by a power of t."""
 
