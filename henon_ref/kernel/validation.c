@@ -110,7 +110,8 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
  *
  * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
  * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
- * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
+ * rounding. Operations on time alone (1 - cos(t)) have the same values there; their rounding is in the error bounds of
+ * the slopes. "ahead", the expansion of the point by "code" at time "end", is restored.
  */
 static void measure_rounding(const struct work *w, expand_code code, double end)
 {
@@ -134,6 +135,10 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
                 point[r] = row[3];
         }
     }
+    w->mode->rounding(end, run->time_low, OWN_ROUNDING, point, w->constants, w->ahead);
+    for (int64_t i = 0; i < n; i++)
+        if (w->ahead[i] < INFINITY)
+            rounding[i] = larger(rounding[i], w->ahead[i]);
     code(end, run->time_low, run->unit, point, w->constants, w->ahead);
     run->expansions += 3;
 }

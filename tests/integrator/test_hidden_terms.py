@@ -83,6 +83,16 @@ def test_a_state_that_leaves_zero_by_a_power_of_time(field: str, rtol: float) ->
     assert run.y[0, -1] == pytest.approx(quadrature(field, 0, 2), rel=20 * rtol)
 
 
+@TOLERANCES
+@pytest.mark.parametrize("start", [0, 1e-100])
+@pytest.mark.parametrize("field", ["1 - 1/(1 + t^2)", "t - sin(t)"])
+def test_rounding_of_operations_on_time_is_no_hidden_term(field: str, start: float, rtol: float) -> None:
+    """Next to t = 0 most digits of the slope cancel, whatever the state."""
+    run = hr.simulate(hr.System(["y"], {}, {}, [field]), {"y": start}, until=2, rtol=rtol, max_steps=200)
+    assert run.success
+    assert run.y[0, -1] == pytest.approx(quadrature(field, 0, 2), rel=20 * rtol + 1e-13)
+
+
 RAMPS = ["tanh(t^{})", "1 - exp(-t^{})", "cos(t^{})", "1/(1 + t^{})"]
 """Forcings that set in at t = 0 by a power of t."""
 
