@@ -26,7 +26,26 @@ static inline double rough_root(double above, double below, double power)
     return whole * (1.0 + part * (0.6931471805599453 + 0.24022650695910072 * part));
 }
 
-/* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units. */
+/* Check whether a state leaves zero by a power of time higher than two: its size on a step is that of later terms. */
+static inline bool without_size(const double *row)
+{
+    return row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0;
+}
+
+/* Size on a step of theta units of the first term of a state without a size; 0 if there is none before the last two. */
+static double first_size(const double *row, int64_t order, double theta)
+{
+    double size = 0.0;
+    for (int64_t k = 3; size == 0.0 && k < order - 1; k++)
+        size = fabs(row[k]) * whole_power(theta, k);
+    return size;
+}
+
+/* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units.
+ *
+ * States without a first term before the last two limit no step; it is validated at the start and after an event
+ * (may_hide_terms), where a state may be exactly zero.
+ */
 static inline void error_norms(const struct work *w, const double *c, int64_t rows, double theta, double *last,
                                double *before)
 {
@@ -35,6 +54,11 @@ static inline void error_norms(const struct work *w, const double *c, int64_t ro
     for (int64_t r = 0; r < rows; r++) {
         const double *row = c + r * w->width;
         double scale = fused(theta, fused(theta, fabs(row[2]), fabs(row[1])), fabs(row[0])) + 1e-300;
+        if (r < w->run->states && without_size(row)) {
+            scale = first_size(row, order, theta);
+            if (scale == 0.0)
+                continue;
+        }
         *last = larger(*last, fabs(row[order]) / scale);
         *before = larger(*before, fabs(row[order - 1]) / scale);
     }
@@ -67,6 +91,8 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     double power = 1.0 / (double)w->run->order, other = 1.0 / (double)(w->run->order - 1);
     if (!(norms[2] < INFINITY))
         return 0.0;
+    if (larger(last, before) > 1e200) /* a state without a size */
+        error_norms(w, c, rows, theta, &last, &before);
     for (int step = 0; step < 4; step++) {
         double new = UNLIMITED;
         if (last > 0.0)
@@ -94,18 +120,8 @@ static void mark_faint(const struct work *w)
     }
 }
 
-/* Size of a row on a step of theta units: that of its first three terms, or of its first term that is not zero. */
-static inline double row_size(const double *row, int64_t order, double theta)
-{
-    double size = fabs(row[0]) + theta * (fabs(row[1]) + theta * fabs(row[2]));
-    for (int64_t k = 3; size == 0.0 && k <= order; k++)
-        size = fabs(row[k]) * whole_power(theta, k);
-    return size;
-}
-
-/* step_size for states that leave zero by a power of time above two, and for guards that have more than two zeros, or are
- * only rounding: the size of such a row is taken from its terms after the known zeros and after terms that are zero, and
- * that of a guard is at least the rounding of its own operations. */
+/* step_size for guards that have more than two zeros, or are only rounding: the size of such a guard is taken from its
+ * terms after the known zeros and after terms that are zero, and is at least the rounding of its own operations. */
 static double flat_step_size(const struct work *w, int64_t rows)
 {
     const struct run *run = w->run;
@@ -115,8 +131,10 @@ static double flat_step_size(const struct work *w, int64_t rows)
     for (int64_t r = 0; r < rows; r++) {
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
-        bool flat = r >= n || (row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0);
-        while (flat && row[first] == 0.0 && first < order - 4)
+        bool flat = r < n && without_size(row);
+        if (flat && first_size(row, order - 3, 1.0) == 0.0)
+            continue;
+        while ((flat || r >= n) && row[first] == 0.0 && first < order - 4)
             first += 1;
         double theta = 1.0, least = r >= n && w->ahead[r] < INFINITY ? w->ahead[r] : 0.0;
         for (int step = 0; step < 4; step++) {

@@ -86,12 +86,20 @@ static enum tail tail_shape(const double *row, int64_t order, double theta, doub
     double end = shift * larger(fabs(row[last + 2]) * square, fabs(row[last + 3]) * cube);
     if (GAP_RATIO * before < end && end < SLOW * smaller(half, before))
         return DECREASING;
-    double scale = least_part * row_size(row, order, theta);
+    double scale = least_part * (fabs(row[0]) + theta * (fabs(row[1]) + theta * fabs(row[2])));
     for (int64_t k = 0; k < middle; k++)
         scale /= theta;
     if (least_part > 0.0 && larger(end, before) <= scale)
         return DECREASING;
     return end <= GAP_RATIO * before ? ENDS_IN_GAP : NOT_DECREASING;
+}
+
+/* tail_shape of row r. A state without a size limits no step, and proves nothing: its slope must be compared. */
+static inline enum tail tail_of(const struct work *w, int64_t r, double theta, double least_part)
+{
+    if (r < w->run->states && without_size(row_of(w, r)))
+        return least_part > 0.0 ? DECREASING : ENDS_IN_GAP;
+    return tail_shape(row_of(w, r), w->run->order, theta, least_part);
 }
 
 /* Check whether the terms of some row do not decrease towards the last ones as those of a converged series do. */
@@ -102,7 +110,7 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
         return false;
     bool found = false;
     for (int64_t r = 0; r < rows; r++)
-        found = found || tail_shape(row_of(w, r), w->run->order, theta, EPS) != DECREASING;
+        found = found || tail_of(w, r, theta, EPS) != DECREASING;
     return found;
 }
 
@@ -110,8 +118,7 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
  *
  * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
  * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
- * rounding. Operations on time alone (1 - cos(t)) have the same values there; their rounding is in the error bounds of
- * the slopes. "ahead", the expansion of the point by "code" at time "end", is restored.
+ * rounding. The operations of a slope add their own (1 - exp(-t^8) is 0 up to t = 0.01). "ahead", the expansion of the point by "code" at time "end", is restored.
  */
 static void measure_rounding(const struct work *w, expand_code code, double end)
 {
@@ -136,9 +143,8 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
         }
     }
     w->mode->rounding(end, run->time_low, OWN_ROUNDING, point, w->constants, w->ahead);
-    for (int64_t i = 0; i < n; i++)
-        if (w->ahead[i] < INFINITY)
-            rounding[i] = larger(rounding[i], w->ahead[i]);
+    for (int64_t r = 0; r < n; r++)
+        rounding[r] = larger(rounding[r], run->unit * w->ahead[r]);
     code(end, run->time_low, run->unit, point, w->constants, w->ahead);
     run->expansions += 3;
 }
@@ -187,6 +193,16 @@ static inline double predicted_at(const double *row, int64_t order, int64_t firs
     return predicted;
 }
 
+/* Largest change of a state without a size, over the steps that are compared, as a part of "at", the present one; 0 for
+ * other states. Its power of time may be higher than the order, so that the relative error is 1 on every short step. */
+static inline double reached(const struct work *w, int64_t state, double slope, double at)
+{
+    if (!without_size(row_of(w, state)))
+        return 0.0;
+    w->speeds[state] = larger(w->speeds[state], at * fabs(slope));
+    return w->speeds[state] / at;
+}
+
 /* Compare the expansion with a new one made at a place on the step.
  *
  * "slopes": code that computes only slopes and values, or null. "decreasing": all terms decrease, so that guards
@@ -220,10 +236,13 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there);
         if (measurable) /* an error of the slope is one of the state over the step, as the step size counts it */
             size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
+        if (r < n)
+            size = larger(size, reached(w, r, there, at));
         /* A slope that moves its state by no more than rounding over the step counts as zero, whatever its digits. */
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
         double allowed = larger(part * size, first == 1 ? 4.0 * EPS * fabs(w->x[r]) / at : 0.0);
-        if ((measurable || (r >= n && !smooth)) && off > allowed) {
+        bool rounded = r < n ? without_size(row_of(w, r)) : !smooth; /* rounding may be as large as the row */
+        if ((measurable || rounded) && off > allowed) {
             if (!measured)
                 measure_rounding(w, code, end);
             measured = true;
@@ -233,7 +252,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
             found->worst = off < INFINITY ? larger(found->worst, off / allowed) : INFINITY;
             found->agrees = false, found->kept = found->kept && smooth;
             while (found->shorter > LEAST_PART * theta
-                   && tail_shape(row_of(w, r), order, found->shorter, 0.0) == NOT_DECREASING)
+                   && tail_of(w, r, found->shorter, 0.0) == NOT_DECREASING)
                 found->shorter *= SHORTER;
         }
     }
@@ -254,11 +273,10 @@ static bool has_hidden_terms(const struct work *w, double theta)
         w->point[i] = w->x[i] + w->change[i];
     w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    double powers[order + 1], slopes[order + 1]; /* theta^k; k theta^k */
-    for (int64_t k = 0; k <= order; k++) {
-        powers[k] = k > 0 ? powers[k - 1] * theta : 1.0;
-        slopes[k] = (double)k * powers[k];
-    }
+    double *powers = w->powers, *slopes = w->scaled; /* theta^k; k theta^k */
+    powers_of(theta, powers, order);
+    for (int k = 0; k <= (int)order; k++)
+        slopes[k] = k * powers[k];
     bool clear = true;
     for (int64_t r = 0; r < n + guards; r++) {
         const double *row = row_of(w, r), *there = row_ahead(w, r);
@@ -270,6 +288,7 @@ static bool has_hidden_terms(const struct work *w, double theta)
         return false;
     struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
     mark_faint(w);
+    memset(w->speeds, 0, (size_t)n * sizeof(double));
     compare_at(w, theta, theta, w->mode->slopes, false, true, &found);
     return !found.agrees;
 }
@@ -296,14 +315,13 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     double proposed = theta;
     mark_faint(w);
     for (int64_t r = 0; r < (unconverged ? rows : 0); r++) {
-        const double *row = row_of(w, r);
         if (r >= run->states && w->faint[r - run->states] != 0)
             continue;
-        enum tail tail = tail_shape(row, order, theta, grown || w->hidden ? 0.0 : EPS);
+        enum tail tail = tail_of(w, r, theta, grown || w->hidden ? 0.0 : EPS);
         if (tail == NOT_DECREASING) {
-            while (tail_shape(row, order, theta, EPS) == NOT_DECREASING)
+            while (tail_of(w, r, theta, EPS) == NOT_DECREASING)
                 theta *= SHORTER;
-            tail = tail_shape(row, order, theta, 0.0);
+            tail = tail_of(w, r, theta, 0.0);
         }
         decreasing = decreasing && tail == DECREASING;
     }
@@ -312,6 +330,7 @@ static double validated_step(const struct work *w, double theta, bool grown, boo
     decreasing = decreasing && !hidden;
     expand_code slopes = decreasing && w->mode->branches ? w->mode->slopes : NULL;
     bool checking = !decreasing || slopes;
+    memset(w->speeds, 0, (size_t)run->states * sizeof(double));
     while (checking) {
         struct agreement found = {.agrees = true, .kept = true, .worst = 1.0, .shorter = theta};
         compare_at(w, theta, theta, slopes, decreasing, hidden, &found);
