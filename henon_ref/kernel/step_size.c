@@ -32,18 +32,19 @@ static inline bool without_size(const double *row)
     return row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0;
 }
 
-/* Size on a step of theta units of the first term of a state without a size; 0 if there is none before the last two. */
+/* Size on a step of theta units of the first term of a state without a size; 0 if its order is above a third of the
+ * method's: the last two terms would then limit the step by too low a power. */
 static double first_size(const double *row, int64_t order, double theta)
 {
     double size = 0.0;
-    for (int64_t k = 3; size == 0.0 && k < order - 1; k++)
+    for (int64_t k = 3; size == 0.0 && k <= order / 3; k++)
         size = fabs(row[k]) * whole_power(theta, k);
     return size;
 }
 
 /* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units.
  *
- * States without a first term before the last two limit no step; it is validated at the start and after an event
+ * States whose first term is of high order limit no step; it is validated at the start and after an event
  * (may_hide_terms), where a state may be exactly zero.
  */
 static inline void error_norms(const struct work *w, const double *c, int64_t rows, double theta, double *last,
@@ -132,7 +133,7 @@ static double flat_step_size(const struct work *w, int64_t rows)
         const double *row = row_of(w, r);
         int64_t first = r >= n ? w->known_zeros[r - n] : 0;
         bool flat = r < n && without_size(row);
-        if (flat && first_size(row, order - 3, 1.0) == 0.0)
+        if (flat && first_size(row, order, 1.0) == 0.0)
             continue;
         while ((flat || r >= n) && row[first] == 0.0 && first < order - 4)
             first += 1;
