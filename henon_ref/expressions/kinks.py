@@ -171,7 +171,8 @@ def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], 
     if own.xreplace({surface: sp.S.One}) == above or own.xreplace({surface: sp.S.NegativeOne}) == below:
         return
     here = {surface.args[0]: sp.S.Zero, surface: sp.S.Zero}
-    apart = [(own - side).xreplace(here) for side in (above, below, (above + below) / 2)]
+    zero = _zero_of(surface.args[0])
+    apart = [(own - side).xreplace(here).xreplace(zero) for side in (above, below, (above + below) / 2)]
     # A difference of more terms is not multiplied out, and taken as not zero.
     if all(difference != 0 and (terms(difference) > 1_000 or sp.expand(difference) != 0) for difference in apart):
         value = "a value of its own" if own.has(Sgn) else shown(own)
@@ -180,6 +181,15 @@ def _check_on_surface(values: Sequence[sp.Expr], conditions: Sequence[sp.Expr], 
             "a field follows from its two sides. For static friction larger than sliding friction give 'static' in a "
             "scene, or 'sliding' with 'entry: inside'"
         )
+
+
+def _zero_of(argument: sp.Expr) -> dict[sp.Expr, sp.Expr]:
+    """Return a symbol in which an expression is linear, with the value at which it is zero; empty if there is none."""
+    for symbol in sorted(argument.free_symbols, key=str):
+        slope = argument.diff(symbol)
+        if slope.is_number and slope != 0:
+            return {symbol: sp.expand(symbol - argument / slope)}
+    return {}
 
 
 def _first_value(values: Sequence[sp.Expr], holds: Iterable[object]) -> sp.Expr:

@@ -53,6 +53,9 @@ class FilippovSystem(SwitchedField):
     sections: tuple[sp.Expr, ...] = ()
     """Signs of surfaces whose text has kinks (``abs(x) - 1``), written with the signs of their kinks; these kinks are
     in use."""
+    conditions: tuple[sp.Expr, ...] = ()
+    """Expressions in the parameters that these equations require to be positive (``a`` if ``abs(a - x)`` meets ``x``);
+    other values are refused, or have other equations."""
     effects: tuple[str, ...] = ()
     """Names of the effects of a scene (empty for a system without a scene)."""
 

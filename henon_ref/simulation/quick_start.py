@@ -218,13 +218,13 @@ class QuickStart:
 
     @cached_property
     def _conditions(self) -> Callable[..., list[float]] | None:
-        """Function that evaluates the conditions of a scene on its parameters; compiled when a parameter is changed."""
+        """Function that evaluates the conditions on the parameters; compiled when a parameter is changed."""
         with one_at_a_time():
-            wanted = self._system.conditions
+            wanted = self._system.model.conditions
             return sp.lambdify(list(self._own), wanted, "math") if wanted else None
 
     def _clearly_allowed(self, numbers: Mapping[str, float]) -> bool:
-        """Whether numbers are finite, and the conditions of the scene hold for them by more than rounding."""
+        """Whether numbers are finite, and the conditions on the parameters hold for them by more than rounding."""
         if not all(map(math.isfinite, numbers.values())):
             return False
         try:

@@ -15,7 +15,7 @@ from henon_ref.errors import ArgumentError, ExpressionError, HenonRefError
 from henon_ref.expressions.evaluation import parse_expression, parse_number
 from henon_ref.modes.problem import parameters_in_exponents
 from henon_ref.precision import one_at_a_time
-from henon_ref.system.problem import MODEL_KEYS, build_system, read_scene, written_system
+from henon_ref.system.problem import MODEL_KEYS, build_system, written_system
 from henon_ref.system.python_arguments import (
     Number,
     argument_error,
@@ -283,12 +283,6 @@ class System:
         source = Source(mapping({**self.tree.entries, **more}))
         source.once("system", MODEL_KEYS, lambda: self.model)
         return source
-
-    @cached_property
-    def conditions(self) -> tuple[sp.Expr, ...]:
-        """Expressions in the parameters that the scene requires to be > 0."""
-        source = Source(self.tree)
-        return read_scene(source).conditions if source.has_scene else ()
 
     @cached_property
     def parameter_expressions(self) -> dict[str, sp.Expr]:

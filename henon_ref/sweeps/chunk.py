@@ -98,7 +98,7 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
     ``failed`` at its start.
     """
     runs = Runs(work, values, first)
-    wrong, open_kinks = refusals(runs)
+    wrong, open_kinks, alone = refusals(runs)
     runs.message[:] = wrong
     for step in range(work.chain):
         own = np.arange(step, len(runs), work.chain)
@@ -106,13 +106,17 @@ def run_chunk(work: Work, values: Vector, first: int = 0) -> Runs:
             carried = own[runs.status[own - 1] == "ok"]
             runs.initial[carried] = decimal_pairs(runs.end_state[carried - 1])
             runs.end_state[carried] = runs.initial[carried, :, 0]
-        _run_step(runs, own[wrong[own] == None], open_kinks)  # noqa: E711 - entry by entry
+        own = own[wrong[own] == None]  # noqa: E711 - entry by entry
+        _run_step(runs, own[~alone[own]], open_kinks)
+        for k in own[alone[own]].tolist():
+            _run_alone(runs, k, open_kinks[k])
     return runs
 
 
-def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return why each of K points has no run, as text (None if it has one), and its open kinks
-    (:class:`henon_ref.modes.system.FilippovSystem`), two arrays of shape (K,).
+def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:
+    """Return why each of K points has no run, as text (None if it has one), its open kinks
+    (:class:`henon_ref.modes.system.FilippovSystem`), and whether its equations may differ from the system's
+    (``conditions`` there), three arrays of shape (K,).
 
     Points that are not clearly valid in doubles are checked in exact numbers, as by :func:`henon_ref.simulate`.
     """
@@ -124,8 +128,10 @@ def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
         clear = np.isfinite(start) & np.isfinite(until) & (until > start)
         for values in point.values():
             clear &= np.isfinite(values)
-        for condition in system.conditions:
-            clear &= values_at(condition, point, count) > CLEARLY
+        alone = np.zeros(count, dtype=np.bool_)
+        for condition in system.model.conditions:
+            alone |= ~(values_at(condition, point, count) > CLEARLY)
+        clear &= ~alone
         for stop in stops_of(system):
             clear &= values_at(system.model.surfaces[stop], {**point, TIME.name: start}, count) > CLEARLY
         clear &= ~_may_have_open_kinks(system.model, {**point, TIME.name: start}, count)
@@ -137,7 +143,7 @@ def refusals(runs: Runs) -> tuple[NDArray[Any], NDArray[Any]]:
             reasons[k] = _unclear(point, start, until, k)
         except HenonRefError as error:
             reasons[k] = str(error)
-    return reasons, open_kinks
+    return reasons, open_kinks, alone
 
 
 def problem_at(work: Work, values: Mapping[str, float]) -> Problem:
@@ -197,6 +203,19 @@ def _run_step(runs: Runs, own: Places, open_kinks: NDArray[Any]) -> None:
             runs.message[some] = str(error)
         else:
             _run_together(runs, integrator, some)
+
+
+def _run_alone(runs: Runs, k: int, open_kinks: frozenset[int]) -> None:
+    """Run a point with the equations that its own parameters have."""
+    own = np.array([k])
+    try:
+        integrator = runs.work.integrator_at(
+            {name: float(column[k]) for name, column in runs.values.items()}, open_kinks
+        )
+    except HenonRefError as error:
+        runs.message[own] = str(error)
+    else:
+        _run_together(runs, integrator, own)
 
 
 def _run_together(runs: Runs, integrator: Integrator, own: Places) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
+from henon_ref.errors import ArgumentError
 from henon_ref.expressions.algebra import signed_form
 from henon_ref.expressions.evaluation import parse_expression
 from henon_ref.integrator.integrator import MOST_STEPS, Integrator, local_error
@@ -156,8 +157,18 @@ class Work:
     def _integrator(self, *exponents: float, open_kinks: frozenset[int] = NO_KINKS) -> Integrator:
         """Compile the system with its sections, at some values of :attr:`moving_exponents` (default: the system's)."""
         named = dict(zip(self.moving_exponents, exponents, strict=True)) if exponents else {}
-        system, _ = self._with_sections(self.system.with_parameters(named) if named else self.system)
-        return integrator_of(system, local_error(self.rtol), open_kinks)
+        return self.integrator_at(named, open_kinks)
+
+    def integrator_at(self, values: Mapping[str, float], open_kinks: frozenset[int]) -> Integrator:
+        """Compile the system with its sections, at some values of parameters (states among them are left out).
+
+        ArgumentError if its surfaces are not those of the system.
+        """
+        changed = {name: value for name, value in values.items() if name not in self.system.state}
+        own = self.system.with_parameters(changed) if changed else self.system
+        if own.model.signs != self.system.model.signs or own.model.kinks != self.system.model.kinks:
+            raise ArgumentError("the system has other kinks at these parameters; simulate it there by itself")
+        return integrator_of(self._with_sections(own)[0], local_error(self.rtol), open_kinks)
 
 
 class Runs:

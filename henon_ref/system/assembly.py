@@ -96,6 +96,7 @@ class Scene:
                 for sign, limit in connection.holds.items()
             },
             kinks=frozenset(places[sign] for connection in self.connections for sign in connection.kinks),
+            conditions=self.conditions,
             effects=tuple(connection.label for connection in self.connections),
             resets={
                 places[sign]: Reset(thrown_back(*self._ends(connection), restitution))

@@ -14,12 +14,12 @@ from henon_ref.system.source import Names, Path, Source
 
 def with_kinks(
     source: Source, names: Names, surfaces: Mapping[sp.Symbol, Kinked], rates: Sequence[Kinked]
-) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr], frozenset[int], tuple[sp.Expr, ...]]:
+) -> tuple[dict[sp.Symbol, sp.Expr], list[sp.Expr], frozenset[int], tuple[sp.Expr, ...], tuple[sp.Expr, ...]]:
     """Return the surfaces of a system and of its kinks, and the field in terms of their signs.
 
     The surfaces of the system (for a surface with kinks, its branches) are followed by those of kinks. Returned in
-    addition are the indices of the surfaces that belong to kinks, and the signs of the surfaces that have kinks, in
-    terms of the signs of their branches.
+    addition are the indices of the surfaces that belong to kinks, the signs of the surfaces that have kinks, in terms
+    of the signs of their branches, and the conditions on the parameters (:attr:`FilippovSystem.conditions`).
     """
     kinks = Kinks(names.exact_parameters())
     for sign, (surface, arguments) in surfaces.items():
@@ -37,7 +37,8 @@ def with_kinks(
     parts = {sign for sign in own if sign.name not in names.signs or values[sign] != sign}
     made = {**own, **kinks.surfaces}
     numbers = frozenset(i for i, sign in enumerate(made) if sign in kinks.surfaces or sign in parts)
-    return made, field, numbers, tuple(value for sign, value in values.items() if value != sign)
+    sections = tuple(value for sign, value in values.items() if value != sign)
+    return made, field, numbers, sections, tuple(kinks.conditions)
 
 
 def resolved(

@@ -103,11 +103,12 @@ def _system(source: Source) -> FilippovSystem:
     surfaces = {names.signs[name]: _surface_of(source, names, name) for name in signs}
     rates = [names.written(source, ("system", "field", i), signs=signs) for i in range(rates_given)]
     made = {sign: surface for sign, (surface, _) in surfaces.items()}
-    field, kinks, sections = [rate for rate, _ in rates], frozenset[int](), tuple[sp.Expr, ...]()
+    field, kinks = [rate for rate, _ in rates], frozenset[int]()
+    sections = conditions = tuple[sp.Expr, ...]()
     if any(arguments for _, arguments in (*surfaces.values(), *rates)):
         from henon_ref.system.kinks import with_kinks  # imported only for models with kinks
 
-        made, field, kinks, sections = with_kinks(source, names, surfaces, rates)
+        made, field, kinks, sections, conditions = with_kinks(source, names, surfaces, rates)
     valid = [names.smooth(source, ("system", "valid", i)) for i in range(source.length(("system", "valid")))]
     places: dict[sp.Symbol, Path] = {x: ("system", "field", i) for i, x in enumerate(names.states.values())}
     places |= {names.signs[name]: ("system", "surfaces", name) for name in signs}
@@ -120,6 +121,7 @@ def _system(source: Source) -> FilippovSystem:
         valid=tuple(valid),
         kinks=kinks,
         sections=sections,
+        conditions=conditions,
         written={s: text for s, path in places.items() if isinstance(text := source.written(path), str)},
     )
 

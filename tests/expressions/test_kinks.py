@@ -119,6 +119,8 @@ TAKEN = {
     "piecewise(1, v >= 0, -1, v < 0, 7)": "sign(v)",
     "piecewise(1, v > 0, -1)": "sign(v)",
     "piecewise(x, x > 0, 0)": "Max(x, 0)",
+    "piecewise(v - 2, abs(v - 2) > 0, 0)": "v - 2",
+    "piecewise(x*(v - 2*x), abs(v - 2*x) > 0, 0)": "x*(v - 2*x)",
     "piecewise(0, x > 0, log(-x))": "Piecewise((0, x > 0), (log(-x), True))",
     "piecewise(1, x < 1, 2, x < 2, 3)": "Piecewise((1, x < 1), (2, x < 2), (3, True))",
     "piecewise(1, abs(v) > 0.001, 1000*v)": "1",
