@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 import sympy as sp
@@ -156,8 +156,23 @@ def with_held_loops(system: FilippovSystem) -> FilippovSystem:
 
     The loops are those that hold for all values of the parameters: one system may run at any of them.
     """
-    own = _overrides_in_loops(replace(system, parameters={}))
+    resets = ((i, tuple(reset.map.items())) for i, reset in system.resets.items())
+    written = (system.signs, system.field, system.surfaces, *system.overrides.items(), *resets)
+    own = _overrides(_Equations(written, replace(system, parameters={})))
     return replace(system, overrides={**system.overrides, **own}) if own else system
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """A system, equal to others with the same equations: a sweep reads them again at other values of parameters."""
+
+    written: tuple[object, ...]
+    system: FilippovSystem = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _overrides(equations: _Equations) -> dict[int, SlidingOverride]:
+    return _overrides_in_loops(equations.system)
 
 
 def _overrides_in_loops(system: FilippovSystem) -> dict[int, SlidingOverride]:
