@@ -225,7 +225,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     run->expansions += 1;
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
-    bool measurable = hidden && !w->mode->branches; /* next to a branch point rounding excuses no slope */
+    bool measurable = hidden && !w->mode->branches; /* next to a branch point no slope is excused so */
     bool measured = false, near = true; /* near: no prediction is far off */
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
@@ -252,7 +252,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
             allowed = larger(allowed, w->change[r]);
         }
         if (!(off <= allowed)) {
-            near = near && !(terms > 2.0 * fabs(there) && off > 0.5 * terms);
+            near = near && off < INFINITY && !(terms > 2.0 * fabs(there) && off > 0.5 * terms);
             found->worst = off < INFINITY ? larger(found->worst, off / allowed) : INFINITY;
             found->agrees = false, found->kept = found->kept && smooth;
             while (found->shorter > LEAST_PART * theta
