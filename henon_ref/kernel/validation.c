@@ -28,8 +28,7 @@
 #define CLOSEST_AGREEMENT 1e-10
 /* Error of a step's end, in tolerances, below which its series has no hidden terms. */
 #define HIDDEN 4.0
-/* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points; of a slope, as one of
- * the bound for its own operations where the step begins. */
+/* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
 /* Number of places on a step at which the size of a row is sampled. */
 #define SIZE_POINTS 4
@@ -243,7 +242,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         /* A slope that moves its state by no more than rounding over the step, or is no larger than the rounding of its
          * operations (1 - exp(-t^8) before t = 0.01), counts as zero, whatever its digits. */
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
-        double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, SPREAD * w->own_rounding[r]) : 0.0;
+        double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, w->own_rounding[r]) : 0.0;
         double allowed = larger(part * size, least);
         if ((measurable || (r >= n && !smooth)) && off > allowed) {
             if (!measured)
