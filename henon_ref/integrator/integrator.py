@@ -33,8 +33,8 @@ from henon_ref.trajectory import Trajectory
 
 NO_LIMIT = 1 << 62
 """Limit on steps that no run reaches."""
-NEAR = 100
-"""A start counts as on a surface of its given mode if it is off it by no more than this many local errors of a step."""
+RUN_ERROR = 100
+"""Error of the end of a run, in local errors of a step: a start this far off a surface of its given mode is on it."""
 MOST_STEPS = 100_000_000
 """Default limit on the steps of a run."""
 
@@ -192,7 +192,7 @@ class Integrator:
             Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
         held : sequence of int
             Surfaces that held before: the state counts as on them if it is off them by no more than an error
-            (:data:`NEAR`).
+            (:data:`RUN_ERROR`).
         **settings
             ``tolerance``, ``landing`` and others of :func:`run_template`.
 
@@ -269,7 +269,7 @@ def _entered(
         from henon_ref.modes.end_of_run import held_signs  # rarely needed
 
         at = constants.in_doubles.at(workspace.run.time, _state(constants, workspace))
-        exact_signs = held_signs(at, exact_signs, held, NEAR * workspace.run.tolerance)
+        exact_signs = held_signs(at, exact_signs, held, RUN_ERROR * workspace.run.tolerance)
     if not given and _entered_clearly(constants, workspace, exact_signs):
         return None
     return _decided(constants, workspace, exact_signs, given)
@@ -301,7 +301,7 @@ def _decided(
     """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
     table, t = constants.table, workspace.run.time
     states, surfaces, x = len(table.system.states), len(table.system.surfaces), _state(constants, workspace)
-    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), NEAR * workspace.run.tolerance)
+    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), RUN_ERROR * workspace.run.tolerance)
     row = None if found.mode is None else table.row(found.mode)
     if found.mode is None or row is None:
         reason = found.reason or "the mode at the start has no equations"

@@ -22,14 +22,14 @@ def signs_in_mode(
     """Return the signs of the surfaces in a given mode, and this mode without hidden kinks of another sign.
 
     The sign is 0 where it contradicts the mode and the state is off the surface by no more than the error of a run
-    (:func:`is_near`).
+    (:func:`is_zero_up_to_error`).
     """
     mode, signs, kept = tuple(given.get(i, sign) for i, sign in enumerate(surfaces)), list(surfaces), dict(given)
     for i, entry in given.items():
         if signs[i] not in (0, entry):
             if hidden(at.system, i, mode):
                 del kept[i]
-            elif is_near(at, mode, i, part):
+            elif is_zero_up_to_error(at, mode, i, part):
                 signs[i] = 0
     return signs, kept
 
@@ -38,10 +38,10 @@ def held_signs(at: TapePoint, signs: Sequence[int | None], held: Collection[int]
     """Return signs with 0 for the surfaces that held before, where the state is off them by no more than an error."""
     mode = tuple(0 if i in held else 1 if sign is None else sign for i, sign in enumerate(signs))
     mode = mode[: len(at.system.surfaces)]
-    return [0 if i in held and is_near(at, mode, i, part) else sign for i, sign in enumerate(signs)]
+    return [0 if i in held and is_zero_up_to_error(at, mode, i, part) else sign for i, sign in enumerate(signs)]
 
 
-def is_near(at: TapePoint, mode: Mode, index: int, part: float) -> bool:
+def is_zero_up_to_error(at: TapePoint, mode: Mode, index: int, part: float) -> bool:
     """Check whether a surface's function (on a stop, its speed, too) is zero up to the error of a run.
 
     Beside the surface, it is at most ``part`` of the sum of its terms' sizes, or of the largest term of its Taylor

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from henon_ref.casefile.schema import check_form
 from henon_ref.errors import ArgumentError, HenonRefError
-from henon_ref.integrator.integrator import NEAR
+from henon_ref.integrator.integrator import RUN_ERROR
 from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
@@ -72,7 +72,7 @@ def problem_of(
     """Return the system of a run and its initial-value problem in exact numbers.
 
     The arguments are those of :func:`henon_ref.simulate`; ArgumentError if one of them is invalid. ``error``: local
-    error of a step, for a start in a given mode (:data:`henon_ref.integrator.integrator.NEAR`).
+    error of a step, for a start in a given mode (:data:`henon_ref.integrator.integrator.RUN_ERROR`).
     """
     check_system(system)
     initial, until, start, mode = start_of(system, initial, until, start, mode)
@@ -86,7 +86,7 @@ def problem_of(
     try:
         with one_at_a_time():
             check_form(source.tree)
-            return system, build_problem(source, NEAR * error)
+            return system, build_problem(source, RUN_ERROR * error)
     except HenonRefError as error:
         raise argument_error(error) from None
 

@@ -292,11 +292,15 @@ def _check_stops(source: Source, problem: Problem, part: float) -> None:
 
 def _rests(problem: Problem, stop: int, part: float) -> bool:
     """Check whether a start on a stop rests there in its given mode, up to an error."""
-    from henon_ref.modes.end_of_run import is_near  # rarely needed
+    from henon_ref.modes.end_of_run import is_zero_up_to_error  # rarely needed
     from henon_ref.modes.mode_evaluation import in_doubles
 
     mode = tuple(problem.initial_mode.get(i, side) for i, side in enumerate(_sides(problem)))
-    return part > 0 and mode[stop] == 0 and is_near(in_doubles(problem.system).at_start(problem), mode, stop, part)
+    return (
+        part > 0
+        and mode[stop] == 0
+        and is_zero_up_to_error(in_doubles(problem.system).at_start(problem), mode, stop, part)
+    )
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
