@@ -90,6 +90,7 @@ def run_template(
     stop_falling: int = 0,
     stop_rising: int = 0,
     most_steps: int = MOST_STEPS,
+    stepping: int = kernel.ALONE,
 ) -> Any:
     """Return a :attr:`Start.block`, in doubles, without numbers and mode.
 
@@ -105,6 +106,8 @@ def run_template(
         Surfaces, a bit each (1 << index), on which the run ends if their expression falls (rises) to zero.
     most_steps : int
         Steps after which the run ends with status ``failed``.
+    stepping : int
+        ALONE or TOGETHER of ``kernel.h``.
     """
     state = np.zeros(kernel.places_of(*sizes).end_of_state)
     run = ffi.cast("struct run *", doubles(state))
@@ -112,7 +115,7 @@ def run_template(
     state[len(state) - run.guards :] = np.inf
     run.event_time, run.tolerance, run.method = -np.inf, tolerance, landing
     run.rest_part, run.more_digits, run.stepped_mode, run.transition_capacity = REMAINING, 1, -1, CHUNK
-    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    run.stop_falling, run.stop_rising, run.most_steps, run.stepping = stop_falling, stop_rising, most_steps, stepping
     return doubles(state)
 
 
@@ -134,6 +137,8 @@ class Integrator:
         self.programs = ParameterPrograms(self.mode_table)
         self.constants = lru_cache(maxsize=64)(self._constants)
         """Constants of the compiled modes at values of :attr:`parameters`."""
+        self.steps_of_points = 0
+        """Number of steps of :class:`henon_ref.integrator.points.PointRuns` in compiled code."""
         self.free: list[Workspace] = []
         """Unused memory for runs: see :meth:`workspace`."""
 

@@ -46,7 +46,8 @@ enum tape_kind {
     TAPE_RECIP, TAPE_SQRT, TAPE_POWER, TAPE_EXP, TAPE_LOG, TAPE_SIN, TAPE_COS
 };
 
-/* Reasons for which the compiled loop returns. Only the loop uses the last two: process an event, or continue. */
+/* Reasons for which the compiled loop returns. Only the loop and the runs of many points use the last three: process an
+ * event; continue; a step may be taken together with those of other runs. */
 enum return_code {
     HORIZON,
     SELECT_MODE,
@@ -63,12 +64,18 @@ enum return_code {
     OUT_OF_RANGE,
     NOT_UNIQUE,
     EVENT = 20,
-    ON = 21
+    ON = 21,
+    BEFORE_STEP = 22
 };
 
-/* Reasons for which the runs of many points return: all points are done; the buffer may be too small for the next
- * transitions; Python can check for interrupts; a point was set aside, perhaps for a mode that Python can compile. */
-enum points_code { DONE, BUFFER_FULL, PAUSE, ASIDE };
+/* What a lane does when the runs of many points return: no point is left; its buffer may be too small for the next
+ * transitions; a point was set aside, perhaps for a mode that Python can compile; it runs a point, or takes its next
+ * step together with other lanes (Python can check for interrupts). */
+enum lane_code { DONE, BUFFER_FULL, ASIDE, RUNNING, WAITING };
+
+/* How a run computes the coefficients of its next step: by itself, as those of all steps; together with other runs; once
+ * by itself; not at all, since it has been done together with other runs. */
+enum stepping { ALONE, TOGETHER, ONCE_ALONE, FROM_LANES };
 
 enum {
     UNSETTLED = 2,         /* value of event_pending in struct run */
@@ -78,6 +85,7 @@ enum {
     DEPTH = 64,            /* pieces that root isolation keeps at once: one per halving that a double can resolve */
     ALIGNMENT = 8,         /* doubles in a line of the processor's cache; the parts of a block begin with a line */
     LANES = 4,             /* doubles in a vector; rows of coefficients are whole vectors, padded with zeros */
+    MOST_LANES = 16,       /* runs that are in progress at once; more than LANES, so that many are in the same mode */
     MOST_SURFACES = 39,    /* largest number for which the number of a mode fits an integer, 3^39 < 2^63 */
     MOST_IN_GROUP = 64,    /* largest number of contacts decided together */
     ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts in a word, two bits each */
@@ -94,6 +102,9 @@ enum {
 
 /* Compute Taylor coefficients, or values, at time t + t_low and state x, in a unit of time; row after row in out. */
 typedef void (*expand_code)(double t, double t_low, double unit, const double *x, const double *constants, double *out);
+/* The same for LANES runs in the lanes of vectors; times: t of each, then t_low, then the unit. */
+typedef void (*lanes_code)(const double *times, const double *const *x, const double *const *constants,
+                           double *const *out);
 /* Compute the change of each state, and a lower bound of each guard, on a step of theta units. */
 typedef void (*step_end_code)(double theta, const double *c, double *out);
 /* Compute scaled coefficients a and Bernstein coefficients b of a guard q on a step; return an enum roots_outcome. */
@@ -142,6 +153,7 @@ struct guard {
 struct mode {
     int64_t guards; /* number of guards */
     expand_code expansion;
+    lanes_code lanes;      /* null: not compiled */
     step_end_code step_end;
     expand_code normal_velocities; /* of each guard on a surface: speed towards it, and away from it beyond */
     expand_code rounding; /* bounds of the effects of rounding (given the rounding of one operation) and of underflow,
@@ -249,6 +261,7 @@ struct run {
     int64_t more_digits;               /* 1 if the motion may be computed with more digits from the run's start, while
                                           the run is in its first mode */
     int64_t most_steps;                /* largest number of steps */
+    int64_t stepping;                  /* enum stepping */
     int64_t within_range;              /* 1 + steps at which Python last found overflow and underflow negligible */
     double *dense;                     /* recorded steps; null: none are recorded */
     int64_t dense_steps, dense_capacity;
@@ -282,17 +295,6 @@ struct places {
     int64_t size;         /* of the whole block */
 };
 
-/* Progress of the runs of many points, and which transitions are kept. */
-struct progress {
-    double after;              /* s: transitions before this time are not kept */
-    int64_t point;             /* present or next point */
-    int64_t running;           /* whether its run has begun */
-    int64_t kept, kept_before; /* transitions in the buffer, and those of all points before this one */
-    int64_t open_sticks;       /* whether sticks that are open at "after" are kept, with their begin */
-    int64_t steps;             /* steps after which the call returns for Python to check for interrupts */
-    int64_t stop_aside;        /* whether the call returns when a point is set aside */
-};
-
 /* End of a point's run. */
 struct end {
     double time, time_low; /* s */
@@ -301,19 +303,10 @@ struct end {
     int64_t steps, expansions, guard_evaluations, transitions;
 };
 
-/* Buffer for the transitions of many points. */
-struct buffer {
-    double *kept; /* (capacity, width): number of the point, an integer, then a struct transition */
-    int64_t capacity, width;
-    double *pending; /* (surfaces, width): the open stick of each surface, marked by a first number other than 0; only
-                        sticks from before "after" */
-    int64_t surfaces;
-};
-
 /* Many points of one system. */
 struct points {
     int64_t count;
-    double *block;           /* block of the present run, unchanged between calls until all points are done */
+    int64_t next;            /* first point whose run has not begun */
     const double *start;     /* begin of a run's block, except the point's own numbers */
     const double *numbers;   /* (count, 2 + n, 2): horizon, initial time [s] and states, each with what rounding lost */
     int64_t *rows;           /* row of the mode at the start, or the words of its entries, which those of the mode at
@@ -322,6 +315,24 @@ struct points {
     int64_t numbers_step;    /* doubles from one point's constants to the next point's; 0: the same for all */
     struct end *ends;        /* filled in */
     double *states;          /* (count, n): states at the ends, filled in */
+    double after;            /* s: transitions before this time are not kept */
+    int64_t open_sticks;     /* whether sticks that are open at "after" are kept, with their begin */
+    int64_t steps;           /* steps after which the call returns for Python to check for interrupts */
+    int64_t stop_aside;      /* whether the call returns when a point is set aside */
+    int64_t width;           /* of a row of "kept" and "pending" in struct lane */
+    int64_t surface_count;
+};
+
+/* One of the runs in progress, which takes one point after another. */
+struct lane {
+    double *block;             /* of the run, unchanged between calls until all points are done */
+    int64_t code;              /* enum lane_code */
+    int64_t point, running;    /* present point, and whether its run is in progress */
+    double *kept;              /* (capacity, width): number of the point, an integer, then a struct transition */
+    int64_t capacity;
+    int64_t filled, finished;  /* rows of "kept" that are filled, and those of points that are done */
+    double *pending;           /* (surface_count, width): the open stick of each surface, marked by a first number other
+                                  than 0; only sticks from before "after" */
 };
 
 /* First falling root: an enum roots_outcome, and the interval that contains it (equal ends if the root is exact). */
@@ -359,10 +370,8 @@ HENON_EXPORT int64_t words_of(int64_t contacts);
 
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count);
 HENON_EXPORT int64_t whole_run(struct run *run, const struct run *start, const struct tables *tables);
-HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
-                                const struct buffer *buffer);
-HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
-                                   const struct buffer *buffer);
+HENON_EXPORT int64_t run_points(struct lane *lanes, int64_t count, struct points *points, const struct tables *tables);
+HENON_EXPORT void keep_transitions(struct lane *lane, const struct points *points, const double *records, int64_t count);
 HENON_EXPORT int64_t start_run(struct run *run, const double *template, const struct tables *tables,
                                const struct program *program, int64_t surfaces, const char *numbers, double *room);
 HENON_EXPORT int64_t enter_at_start(struct run *run, const struct tables *tables, const int64_t *mode, int64_t surface);
