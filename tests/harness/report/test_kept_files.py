@@ -136,6 +136,18 @@ def test_a_damaged_matrix_is_an_error_before_anything_runs(made_up, tmp_path, ca
     assert re.fullmatch(r"error: out/matrix\.csv: is not a matrix .*\n", capsys.readouterr().err)
 
 
+def test_a_page_that_is_cut_off_is_an_error_before_anything_runs(made_up, tmp_path, capsys):
+    """Its data may be the only copy of the runs of a case."""
+    assert run(made_up, "--out", "out") == 0
+    page = tmp_path / "out/index.html"
+    part = page.read_text()[:2000]
+    page.write_text(part)
+    capsys.readouterr()
+    assert run(made_up, "--out", "out") == 2
+    assert re.fullmatch(r"error: out/index\.html: its data, .* cannot be read; .*\n", capsys.readouterr().err)
+    assert page.read_text() == part
+
+
 @pytest.mark.parametrize("name", ["matrix.csv", "index.html"])
 def test_a_matrix_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / name).write_text("1,2\n")
