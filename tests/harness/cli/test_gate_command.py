@@ -89,6 +89,14 @@ def test_bounds_on_what_did_not_run_are_left_out_and_none_at_all_does_not_pass(o
     ]
 
 
+def test_a_report_without_its_manifest_is_told(out, capsys):
+    (out / "made_up/manifest.json").unlink()
+    assert gate(out) == 0
+    assert capsys.readouterr().err == (
+        "gate: the bounds of these reports are unknown, since there is no out/made_up/manifest.json\n"
+    )
+
+
 def test_a_report_of_an_earlier_version_has_no_bounds(out, capsys):
     manifest = out / "made_up/manifest.json"
     content = json.loads(manifest.read_text())
