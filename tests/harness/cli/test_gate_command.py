@@ -266,6 +266,15 @@ def test_known_failures_from_a_pipe_are_an_error(out, capsys):
     assert capsys.readouterr().err == "error: pipe: this is not a regular file\n"
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+@pytest.mark.parametrize("name", ["manifest.json", "runs.csv"])
+def test_a_report_in_a_pipe_is_an_error_and_not_waited_for(out, capsys, name):
+    (out / "made_up" / name).unlink()
+    os.mkfifo(out / "made_up" / name)
+    assert gate(out) == 2
+    assert capsys.readouterr().err == f"error: out/made_up/{name}: cannot be read: this is a named pipe\n"
+
+
 def test_a_file_of_known_failures_that_is_not_there_is_named_once(out, capsys):
     assert gate(out, "--known", "gone.csv") == 2
     assert capsys.readouterr().err == "error: gone.csv: cannot be read: No such file or directory\n"

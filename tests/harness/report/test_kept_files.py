@@ -111,6 +111,15 @@ def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
             check_index(tmp_path)
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+@pytest.mark.parametrize("name", ["matrix.csv", "index.html", "README.md", "made_up/manifest.json", "made_up/runs.csv"])
+def test_a_named_pipe_in_place_of_a_file_is_not_waited_for(made_up, tmp_path, capsys, name):
+    (tmp_path / "out/made_up").mkdir(parents=True)
+    os.mkfifo(tmp_path / "out" / name)
+    assert run(made_up, "--out", "out") == 2
+    assert f"out/{name}: was not written by henon_ref" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["report.md", "runs.csv", "samples.csv", "default_cost.svg"])
 def test_a_report_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / "out/made_up").mkdir(parents=True)
@@ -182,7 +191,7 @@ def test_a_full_disk_is_one_message_and_loses_no_finished_row(made_up, tmp_path,
     monkeypatch.setattr(os, "fsync", full)
     assert run(made_up, "--out", "out", "--jobs", 1) == 2
     (line,) = messages(capsys)
-    assert "No space left" in line
+    assert line.startswith("error: cannot write out/made_up/.partial: No space left")
     assert len(journal.read(tmp_path / "out" / "made_up" / journal.FILE)) >= 2
     assert not (tmp_path / "out" / "made_up" / "report.md").exists()
     monkeypatch.setattr(os, "fsync", real)
