@@ -26,7 +26,7 @@ def test_a_pipe_gets_more_than_it_holds(tmp_path: Path) -> None:
     pipe, content, found = tmp_path / "pipe", b"1" * 2**20, []
     os.mkfifo(pipe)
     with open(os.open(pipe, os.O_RDWR), "rb") as file:  # O_RDWR: it is not at its end before there is a writer
-        reader = threading.Thread(target=lambda: found.append(file.read(len(content))))
+        reader = threading.Timer(0.2, lambda: found.append(file.read(len(content))))
         reader.start()
         replace_file(pipe, content)
         reader.join()
