@@ -141,7 +141,8 @@ def rerun_command(paths: Sequence[Path], given: Options, *, figures: bool = True
     ):
         words += [option, value] if value else []
     words += [] if figures else ["--no-figures"]
-    return shlex.join(words).encode(errors="replace").decode()  # a path need not be text
+    # Bytes of a path that the locale does not decode are UTF-8, or no text.
+    return shlex.join(words).encode(errors="surrogateescape").decode(errors="replace")
 
 
 def _digits(value: float) -> str:
