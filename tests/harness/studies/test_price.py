@@ -42,7 +42,6 @@ from henon_ref.harness.studies.price.ladder import (
     ALONE,
     WHEN_NAMED,
     Ready,
-    draw_ladder,
     mean_costs,
     readiness,
     ready_table,
@@ -116,12 +115,6 @@ def test_landings_find_the_same_and_the_swap_takes_fewest_evaluations() -> None:
 def row(solver: str, wall: float, digits: float, **values: object) -> RunRow:
     names = {"case": "c", "reading": "default", "solver": solver, "verdict": "right", "digits": digits}
     return RunRow(**names | {"wall_s": wall, "compile_s": 0.0, "max_time_error_s": 10.0**-digits} | values)
-
-
-def test_a_ladder_of_runs_without_an_error_is_drawn_without_a_warning() -> None:
-    rows = [row("henon", wall, 16.0, max_time_error_s=0.0, wall_s_low=wall, wall_s_high=wall) for wall in (1e-5, 2e-5)]
-    (axes,) = draw_ladder(rows, "wall_s").axes
-    assert axes.get_ylim() == pytest.approx((1e-17, 1e-15))
 
 
 def pair(rival: str, ratio: float, digits: int = 6, **values: object) -> PairRow:
