@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -57,6 +58,12 @@ class TableError(ValueError):
         self.line, self.column = line, column
 
 
+def refuse_pipe(path: Path) -> None:
+    """Raise OSError if a file to be read is a named pipe, which would be waited for."""
+    if path.is_fifo():
+        raise OSError(errno.EINVAL, "this is a named pipe", str(path))
+
+
 def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     """Read the rows of a result file; columns that are not fields are states, or ignored.
 
@@ -67,6 +74,7 @@ def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     TableError
         If the file is not a valid result file of this kind.
     """
+    refuse_pipe(path)
     with path.open(encoding="utf-8-sig", newline="") as file:
         lines = list(file)
     reader, rows = csv.reader(lines, strict=True), []

@@ -116,7 +116,7 @@ def own_files(folder: Path) -> set[str]:
 def read_json(file: Path) -> Mapping[str, Any]:
     """Read a JSON object from a file; empty if the file is missing or has no such object."""
     try:
-        return mapping(json.loads(file.read_text(encoding="utf-8")))
+        return mapping(json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else {}
     except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
         return {}
 
@@ -133,7 +133,7 @@ def is_study(folder: Path) -> bool:
 
 def _begins(path: Path, beginning: re.Pattern[str]) -> bool:
     try:
-        return beginning.match(path.read_text(encoding="utf-8")) is not None
+        return path.is_file() and beginning.match(path.read_text(encoding="utf-8")) is not None
     except (OSError, ValueError):
         return False
 

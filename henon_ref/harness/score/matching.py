@@ -244,7 +244,12 @@ def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> 
 def _horizon_margin(reference: Events, found: Events, pairs: list[tuple[int, int]], span: float, until: float) -> float:
     """Distance to the horizon [s] within which the run's time error may move a transition across it."""
     worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
-    return max(min(3.0 * worst, 0.05 * span), 4 * float(np.spacing(abs(until))))
+    return max(min(3.0 * worst, 0.05 * span), rounding(until))
+
+
+def rounding(until: float) -> float:
+    """Largest rounding error [s] of a run's times near its horizon."""
+    return 4 * float(np.spacing(abs(until)))
 
 
 def _cut_off(

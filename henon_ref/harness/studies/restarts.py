@@ -90,7 +90,7 @@ class Merit:
     wall_s: float
 
     def __str__(self) -> str:
-        return f"right in {self.right}, {self.digits:.1f} digits, {self.wall_s:.3g} s"
+        return f"right in {self.right}, {self.digits:.0f} digits in all, {self.wall_s:.3g} s"
 
     def beats(self, other: Merit) -> bool:
         """Check whether this result is better: more right runs, or then more digits, or then clearly less time."""

@@ -231,6 +231,12 @@ def test_the_rerun_command_has_every_digit_that_was_given():
     assert rerun_command([Path("a.yaml")], replace(options, timeout=5.0)).endswith("--timeout 5")
 
 
+def test_the_rerun_command_has_the_names_that_the_locale_does_not_decode():
+    for given, shown in (("Stöße".encode(), "Stöße"), (b"no \xff text", "no \ufffd text")):
+        path = Path(given.decode("ascii", errors="surrogateescape"))  # as under LANG=C
+        assert rerun_command([path], Options()) == f"python -m henon_ref.compare '{shown}'"
+
+
 def test_the_rerun_command_takes_no_file_for_an_option():
     assert rerun_command([Path("-a.yaml")], Options()) == "python -m henon_ref.compare ./-a.yaml"
 

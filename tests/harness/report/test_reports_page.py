@@ -264,15 +264,19 @@ def test_a_manifest_that_somebody_has_changed_costs_its_own_words_only(tmp_path:
     assert [own["name"] for own in data_of(page)["cases"]] == ["first", "second"]
 
 
-@pytest.mark.parametrize("damage", ["", "<p>", "{", "eJyrVkrLL8pNLFGyMqwFABxTBDE="])
-def test_a_page_whose_data_somebody_has_changed_is_written_anew(tmp_path: Path, damage: str) -> None:
-    page = made_folder(tmp_path)
+@pytest.mark.parametrize("damage", ["", "<p>", "{", "eNqLjgUAARUAuQ=="])
+def test_a_page_whose_data_somebody_has_changed_is_kept(tmp_path: Path, damage: str) -> None:
+    """It may be the only place with the runs of a case."""
+    page, matrix = made_folder(tmp_path), tmp_path / "matrix.csv"
     whole = page.read_text()
     page.write_text(
         re.sub(r'(id="data">).*?(</script>)', lambda found: found[1] + damage + found[2], whole, flags=re.DOTALL)
     )
-    write_folder_report(tmp_path)
-    assert page.read_text() == whole
+    before = page.read_text(), matrix.read_text()
+    shutil.rmtree(tmp_path / "first")
+    with pytest.raises(CaseError, match=r"index\.html: its data, which cases without a folder need, cannot be read"):
+        write_folder_report(tmp_path)
+    assert (page.read_text(), matrix.read_text()) == before
 
 
 def test_a_page_of_somebody_else_is_not_replaced(tmp_path: Path) -> None:

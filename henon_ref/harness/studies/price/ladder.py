@@ -274,12 +274,14 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     is_time = count == "wall_s"
     ladders = by_solver(row for row in right(rows) if row.max_time_error_s is not None and getattr(row, count))
     lines = style.lines_of(by_solver(right(rows)))
-    tips = {}
+    tips, floor = {}, 1e-16  # smaller errors [s] are drawn as this one
     with style.figure(4.4) as figure:
         axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
         axes.set(xscale="log", yscale="log")
+        if ladders and all(number(row.max_time_error_s) <= floor for ladder in ladders.values() for row in ladder):
+            axes.set_ylim(0.1 * floor, 10.0 * floor)  # matplotlib finds no limits around one small number
         for solver, ladder in ladders.items():
-            errors = [max(number(row.max_time_error_s), 1e-16) for row in ladder]
+            errors = [max(number(row.max_time_error_s), floor) for row in ladder]
             points = [(getattr(row, count), error) for row, error in zip(ladder, errors, strict=True)]
             draw_line(axes, lines[solver], points, "", ms=3.5)
             if is_time:
