@@ -120,7 +120,7 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
  * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
  * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
  */
-static void measure_rounding(const struct work *w, expand_code code, double end)
+static void measure_rounding(const struct work *w, expand_code code, struct pair end)
 {
     struct run *run = w->run;
     int64_t n = run->states, rows = n + w->mode->guards;
@@ -134,7 +134,7 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
     for (int neighbour = 0; neighbour < 2; neighbour++) {
         for (int64_t i = 0; i < n; i++)
             point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
-        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
+        w->mode->slopes(end.high, end.low, run->unit, point, w->constants, w->ahead);
         for (int64_t r = 0; r < rows; r++) {
             const double *row = row_ahead(w, r);
             rounding[r] = larger(rounding[r], SPREAD * fabs(row[r < n ? 1 : 0] - row[2]));
@@ -142,7 +142,7 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
                 point[r] = row[3];
         }
     }
-    code(end, run->time_low, run->unit, point, w->constants, w->ahead);
+    code(end.high, end.low, run->unit, point, w->constants, w->ahead);
     run->expansions += 3;
 }
 
@@ -215,12 +215,12 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
-    double end = run->time + at * run->unit;
+    struct pair end = time_after(run, at * run->unit);
     expand_code code = slopes ? slopes : w->mode->expansion;
     w->mode->step_end(at, w->c, w->change);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
-    code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    code(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
@@ -275,10 +275,11 @@ static bool has_hidden_terms(const struct work *w, double theta)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
+    struct pair end = time_after(run, theta * run->unit);
     w->mode->step_end(theta, w->c, w->change);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
-    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    w->mode->slopes(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
     double *powers = w->powers, *slopes = w->scaled; /* theta^k; k theta^k */
     powers_of(theta, powers, order);
