@@ -319,8 +319,8 @@ class ModeTable:
             record["coupled"] = kernel.RESETTING if resets else coupled
             # Filippov's release is tangent (h = h' = 0), an override's need not be; a lift-off has more zeros.
             if guard.kind == "release":
-                tangent = 0 if guard.index in system.overrides else 2
-                record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
+                tangent = 0 if guard.index in system.overrides and not system.rests(guard.index) else 2
+                record["zeros_at_release"] = -max(tangent, 1) if guard.index in system.resets else tangent
             if self.contacts and guard.ends is None:
                 record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, -1 if record["kink"] else 1
         return found

@@ -140,7 +140,7 @@ struct guard {
     int64_t mode_across;      /* row of the mode after a crossing or a release; -1 if not compiled */
     int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 if not compiled */
     int64_t zeros_at_release; /* known zeros with which its surface is left; 0: by the normal velocities, or the guard
-                                 is no release; -1: by the derivatives, as a body lifts off */
+                                 is no release; -k: by derivatives from the k-th on (a lift-off) */
     int64_t side;             /* of its surface on which the mode is, -1 or +1; 0 if the guard is no surface's */
     int64_t to_sign;          /* entry of its surface after the event: the other side, or the side of the release */
     int64_t kink;             /* whether its surface is crossed whatever other surfaces do: the field is continuous

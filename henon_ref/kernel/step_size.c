@@ -32,6 +32,14 @@ static inline bool without_size(const double *row)
     return row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0;
 }
 
+static inline bool some_without_size(const struct work *w, const double *c)
+{
+    bool found = false;
+    for (int64_t r = 0; r < w->run->states; r++)
+        found = found || without_size(c + r * w->width);
+    return found;
+}
+
 /* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units.
  *
  * States without a size limit no step; it is validated at the start and after an event (may_hide_terms), where a state
@@ -79,7 +87,7 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     double power = 1.0 / (double)w->run->order, other = 1.0 / (double)(w->run->order - 1);
     if (!(norms[2] < INFINITY))
         return 0.0;
-    if (larger(last, before) > 1e200) /* a state without a size */
+    if (larger(last, before) > 1.0 && some_without_size(w, c)) /* otherwise the unit is near the step */
         error_norms(w, c, rows, theta, &last, &before);
     for (int step = 0; step < 4; step++) {
         double new = UNLIMITED;

@@ -114,27 +114,33 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
     return found;
 }
 
-/* Estimate the rounding error of each slope of a state and of each guard at "point", written to "change".
+/* Estimate the rounding error of each slope of a state and of each guard at "point" and time "end", written to "change".
  *
- * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
- * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
- * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
+ * The error of a slope is at least the bound of its own operations. "neighbours": the values at two neighbours are
+ * compared, too, whose states differ by a few units in the last place, in one direction and in alternating ones: no
+ * number of terms predicts how the root of an argument next to zero amplifies rounding. "ahead", the expansion of the
+ * point by "code", is restored.
  */
-static void measure_rounding(const struct work *w, expand_code code, double end)
+static void measure_rounding(const struct work *w, expand_code code, struct pair end, bool neighbours)
 {
     struct run *run = w->run;
     int64_t n = run->states, rows = n + w->mode->guards;
     double *rounding = w->change, *point = w->point;
+    w->mode->rounding(end.high, end.low, OWN_ROUNDING, point, w->constants, rounding);
+    for (int64_t r = 0; r < rows; r++)
+        rounding[r] = r < n && rounding[r] < INFINITY ? run->unit * rounding[r] : 0.0;
+    if (!neighbours)
+        return;
     for (int64_t r = 0; r < rows; r++) {
         double *row = row_ahead(w, r);
-        rounding[r] = 0.0, row[2] = row[r < n ? 1 : 0];
+        row[2] = row[r < n ? 1 : 0];
         if (r < n)
             row[3] = point[r];
     }
     for (int neighbour = 0; neighbour < 2; neighbour++) {
         for (int64_t i = 0; i < n; i++)
             point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
-        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
+        w->mode->slopes(end.high, end.low, run->unit, point, w->constants, w->ahead);
         for (int64_t r = 0; r < rows; r++) {
             const double *row = row_ahead(w, r);
             rounding[r] = larger(rounding[r], SPREAD * fabs(row[r < n ? 1 : 0] - row[2]));
@@ -142,7 +148,7 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
                 point[r] = row[3];
         }
     }
-    code(end, run->time_low, run->unit, point, w->constants, w->ahead);
+    code(end.high, end.low, run->unit, point, w->constants, w->ahead);
     run->expansions += 3;
 }
 
@@ -215,16 +221,16 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
-    double end = run->time + at * run->unit;
+    struct pair end = time_after(run, at * run->unit);
     expand_code code = slopes ? slopes : w->mode->expansion;
     w->mode->step_end(at, w->c, w->change);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
-    code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    code(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
-    bool measurable = hidden && !w->mode->branches; /* next to a branch point no slope is excused so */
+    bool branches = w->mode->branches != 0; /* next to a branch point no slope is excused by its rounding error */
     bool measured = false, near = true; /* near: no prediction is far off */
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
@@ -235,7 +241,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there), terms = size - fabs(there);
-        if (measurable) /* an error of the slope is one of the state over the step, as the step size counts it */
+        if (hidden && !branches) /* an error of the slope is one of the state over the step, as the step size counts it */
             size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         if (r < n)
             size = larger(size, reached(w, r, there, at, found->longest));
@@ -244,9 +250,9 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
         double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, w->own_rounding[r]) : 0.0;
         double allowed = larger(part * size, least);
-        if ((measurable || (r >= n && !smooth)) && off > allowed) {
+        if ((!branches || (r >= n && !smooth)) && off > allowed) {
             if (!measured)
-                measure_rounding(w, code, end);
+                measure_rounding(w, code, end, hidden || branches);
             measured = true;
             allowed = larger(allowed, w->change[r]);
         }
@@ -275,10 +281,11 @@ static bool has_hidden_terms(const struct work *w, double theta)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
+    struct pair end = time_after(run, theta * run->unit);
     w->mode->step_end(theta, w->c, w->change);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
-    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    w->mode->slopes(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
     double *powers = w->powers, *slopes = w->scaled; /* theta^k; k theta^k */
     powers_of(theta, powers, order);
