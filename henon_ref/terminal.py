@@ -19,15 +19,13 @@ PATIENCE = 1.0
 
 
 @contextmanager
-def notice_if_slow(work: str) -> Iterator[None]:
-    """Print on standard error (in a notebook: standard output) what is being done, such as ``compiling the system``, if
-    it takes more than a second.
-    """
+def notice_if_slow() -> Iterator[None]:
+    """Print on standard error (in a notebook: standard output) that a system is compiled, if it takes over a second."""
     if not is_watched():
         yield
         return
     stream = sys.stdout if in_notebook() else sys.stderr  # a notebook shows standard error as an error
-    timer = Timer(PATIENCE, lambda: print(f"henon_ref: {work}, once", file=stream, flush=True))
+    timer = Timer(PATIENCE, lambda: print("henon_ref: compiling the system, once", file=stream, flush=True))
     timer.daemon = True
     timer.start()
     try:

@@ -17,7 +17,7 @@ def test_slow_work_is_told_of_once(
     monkeypatch.setattr(terminal, "PATIENCE", 0.05)
     monkeypatch.setattr(terminal, "is_watched", lambda: watched)
     threads = threading.active_count()
-    with terminal.notice_if_slow("compiling the system"):
+    with terminal.notice_if_slow():
         time.sleep(seconds)
     assert capsys.readouterr().err == "henon_ref: compiling the system, once\n" * lines
     assert threading.active_count() == threads

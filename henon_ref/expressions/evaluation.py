@@ -54,7 +54,7 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
 }
 
 
-def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
+def parse_expression(written: Written, names: Mapping[str, sp.Expr]) -> sp.Expr:
     """Read a smooth expression, such as a component of a field.
 
     Parameters
@@ -64,8 +64,6 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
         sin cos tan asin acos atan sinh cosh tanh exp log sqrt. Symbols of SymPy are matched by name.
     names : mapping
         Name -> real symbol or exact number.
-    work : Work, optional
-        Record of the work for the file that contains the expression.
 
     Returns
     -------
@@ -77,15 +75,15 @@ def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work 
     ExpressionError
         With the offset and the fault, and what is allowed.
     """
-    return evaluated(written, names, Work() if work is None else work, SMOOTH)[0]
+    return evaluated(written, names, Work(), SMOOTH)[0]
 
 
-def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
+def parse_number(written: Written, names: Mapping[str, sp.Expr]) -> sp.Expr:
     """Read an expression whose value is a number: a parameter, an initial value, a time.
 
     ``abs`` and ``atan2`` are allowed in addition; the value must be real and within the range of a double.
     """
-    return evaluated(written, names, Work() if work is None else work, NUMBER)[0]
+    return evaluated(written, names, Work(), NUMBER)[0]
 
 
 def read(written: Written, names: Mapping[str, object], work: Work, functions: Mapping[str, int]) -> Operation:

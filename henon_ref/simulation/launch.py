@@ -73,7 +73,7 @@ def launch(
         error = local_error(tolerance_of(tolerance))
         given = {"until": until, "start": start, "parameters": parameters, "mode": mode}
         own, problem = problem_of(system, initial, **given, error=error)
-        with notice_if_slow("compiling the system"):
+        with notice_if_slow():
             integrator = integrator_of(own, error, problem.system.open_kinks)
             with one_at_a_time():
                 begin = integrator.start(problem, tolerance=error)

@@ -49,14 +49,7 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the part of it that is done, 0 to 1."""
 
 
-def truth_for(
-    case: Case,
-    reading: Reading,
-    *,
-    folder: Path | None = None,
-    recompute: bool = False,
-    progress: Progress | None = None,
-) -> Truth:
+def truth_for(case: Case, reading: Reading, *, folder: Path | None = None) -> Truth:
     """Return the truth of a reading, stored or computed.
 
     Parameters
@@ -67,9 +60,6 @@ def truth_for(
     folder : Path, optional
         Folder of stored truths; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`), and
         if the file there is unusable, the user's cache.
-    recompute : bool
-        Ignore stored truths.
-    progress : callable, optional
 
     Returns
     -------
@@ -84,16 +74,10 @@ def truth_for(
     TruthError
         If two routes, or a route and a closed form, contradict each other; nothing is stored then.
     """
-    if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
+    if (stored := stored_truth(case, reading, folder)) is not None:
         return stored
-    truth = compute(
-        case,
-        reading,
-        proof_seconds=PROOF_SECONDS,
-        barren_seconds=BARREN_SECONDS,
-        computed_seconds=COMPUTED_SECONDS,
-        progress=progress,
-    )
+    limits = {"proof_seconds": PROOF_SECONDS, "barren_seconds": BARREN_SECONDS, "computed_seconds": COMPUTED_SECONDS}
+    truth = compute(case, reading, **limits)
     if not truth.certified and (not heyoka_installed() or truth.reason.startswith(OUT_OF_TIME)):
         return truth
     places = [place for place in _places(case, folder) if not store.inside_package(place)]

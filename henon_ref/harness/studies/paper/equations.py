@@ -25,6 +25,7 @@ from henon_ref.harness.studies.paper.systems import (
     PERIOD,
     POSITION,
     STRETCH,
+    STRIBECK,
     VP,
     X1,
     X2,
@@ -32,7 +33,6 @@ from henon_ref.harness.studies.paper.systems import (
     Findings,
     M,
     S,
-    V,
     W,
     Z,
     belt_oscillator,
@@ -40,7 +40,6 @@ from henon_ref.harness.studies.paper.systems import (
     same,
     same_all,
     same_set,
-    stribeck,
 )
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -60,10 +59,10 @@ MOST = 4 * sp.sqrt(3) / 9
 
 def section_2() -> Findings:
     """Compare every equation of Sec. 2 with the normal velocities of the system."""
-    analysis = TangentAnalysis(systems.section_2(), POSITION)
+    analysis = TangentAnalysis(systems.section_2({}), POSITION)
     normals, boundary = analysis.normals, analysis.boundary_values(MU0)
     acceleration = analysis.system.field[1]
-    from_eq_1 = ((K1 * X1 - K2 * X1**3 - stribeck(V)) / M).subs({M: 1, K1: 1, K2: 1})
+    from_eq_1 = ((K1 * X1 - K2 * X1**3 - STRIBECK) / M).subs({M: 1, K1: 1, K2: 1})
     double = sp.solve(sp.discriminant(normals[1], Z), MU0)
     shared = sp.solve(sp.resultant(normals[1], normals[-1], Z), MU0)
     none, edge = (
@@ -88,11 +87,11 @@ def section_2() -> Findings:
 
 def section_4() -> Findings:
     """Check Eqs. (17)-(24), Figs. 6 and 7."""
-    analysis = TangentAnalysis(systems.section_4(), STRETCH)
+    analysis = TangentAnalysis(systems.section_4({}), STRETCH)
     z = X1 - BASE
     fields = (analysis.system.field[1].subs({S: s, DELTA: 1}) - MU0 / (VP - X2 - s) / M for s in (-1, 1))
     fits = all(same(field, (K2 * z**3 - K1 * z) / M) for field in fields)
-    printed = TangentAnalysis(belt_oscillator(-K1 * z + K2 * z**3 + stribeck(V), M, FIG8_VALUES), STRETCH)
+    printed = TangentAnalysis(belt_oscillator(-K1 * z + K2 * z**3 + STRIBECK, M, FIG8_VALUES), STRETCH)
     outer, inner = sp.sqrt(K1 / K2), sp.sqrt(K1 / (3 * K2))
     edge = 2 * K1 / 3 * inner
     points = TangentAnalysis(systems.section_4(FIG8_VALUES), STRETCH).tangent_points()
