@@ -209,15 +209,10 @@ class Driver:
     ) -> tuple[tuple[int, ...], tuple[Fresh, ...], str]:
         """Find all guards that fall at a stop of the library.
 
-        Returns
-        -------
-        hits : tuple of int
-            Guards that fell: those that the library reported, and those within its location error.
-        unsettled : tuple of Fresh
-            Guards that started at zero and are still within its rounding.
-        missed : str
-            Message about a guard that is below zero by more than the tolerances explain; empty if there is none. The
-            library stepped over the root, so that its later states belong to no mode.
+        Returns the guards that fell (those that the library reported, and those within its location error); those that
+        started at zero and are still within its rounding; and a message about a guard that is below zero by more than
+        the tolerances explain, empty if there is none: the library stepped over the root, so that its later states
+        belong to no mode.
         """
         model, t, x = entry.model, stop.t, stop.x
         try:

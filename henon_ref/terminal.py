@@ -55,17 +55,8 @@ def is_terminal(stream: TextIO | None) -> bool:
 class Line:
     """Line that is updated in place, in a terminal or in a notebook; elsewhere nothing is shown.
 
-    It uses no thread, so that workers can be forked, and no notebook widgets.
-
-    Parameters
-    ----------
-    stream : TextIO, optional
-        None: the standard error stream at the time of each update.
-
-    Attributes
-    ----------
-    shown : bool
-        Whether the line is currently visible.
+    It uses no thread, so that workers can be forked, and no notebook widgets. ``stream``: None for the standard error
+    stream at the time of each update. :attr:`shown`: whether the line is currently visible.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:

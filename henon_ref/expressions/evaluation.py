@@ -55,25 +55,11 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
 
 
 def parse_expression(written: Written, names: Mapping[str, sp.Expr]) -> sp.Expr:
-    """Read a smooth expression, such as a component of a field.
+    """Read a smooth expression, such as a component of a field, exactly: ``0.1`` is ``Rational(1, 10)``.
 
-    Parameters
-    ----------
-    written : str or Expr
-        Numbers, ``pi``, ``e``, the names given, ``+ - * / ** ^`` (the last two both mean power) and
-        sin cos tan asin acos atan sinh cosh tanh exp log sqrt. Symbols of SymPy are matched by name.
-    names : mapping
-        Name -> real symbol or exact number.
-
-    Returns
-    -------
-    Expr
-        Exact: ``0.1`` is ``Rational(1, 10)``.
-
-    Raises
-    ------
-    ExpressionError
-        With the offset and the fault, and what is allowed.
+    ``written`` has numbers, ``pi``, ``e``, the names given (name -> real symbol or exact number), ``+ - * / ** ^`` (the
+    last two both mean power) and sin cos tan asin acos atan sinh cosh tanh exp log sqrt; symbols of SymPy are matched
+    by name. ExpressionError, with the offset and the fault, says what is allowed.
     """
     return evaluated(written, names, Work(), SMOOTH)[0]
 

@@ -60,12 +60,7 @@ class TableError(ValueError):
 def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     """Read the rows of a result file; columns that are not fields are states, or ignored.
 
-    Raises
-    ------
-    OSError, UnicodeDecodeError
-        If the file cannot be read.
-    TableError
-        If the file is not a valid result file of this kind.
+    OSError or UnicodeDecodeError if the file cannot be read, TableError if it is not a valid result file of this kind.
     """
     with path.open(encoding="utf-8-sig", newline="") as file:
         lines = list(file)

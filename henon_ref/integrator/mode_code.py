@@ -82,14 +82,9 @@ class ModeCode:
 
 
 def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: frozenset[int] = frozenset()) -> ModeCode:
-    """Compile the code of all modes with the same equations as ``mode``.
+    """Compile the code of all modes with the same equations as ``mode``; ModelError if the mode has no equations.
 
     ``passed``: surfaces whose normal velocity is taken in the mode, with other surfaces sliding.
-
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
     """
     key, equations = system.common_equations(mode)
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}

@@ -62,10 +62,7 @@ def exact_expression(value: Any) -> sp.Expr:
 def pair_of_exact(value: Any) -> Pair:
     """Return a number as a pair; unlike :func:`pair_of`, also an exact SymPy number.
 
-    Raises
-    ------
-    ModelError
-        If the value is not a finite real number.
+    ModelError if the value is not a finite real number.
     """
     found = None if isinstance(value, sp.Expr) else pair_of(value)
     return double_double(exact_expression(value)) if found is None else found

@@ -30,12 +30,8 @@ ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
 def rounded(expression: sp.Expr) -> sp.Expr:
     """Return the expression with every constant part folded to one double.
 
-    Integers that a double represents exactly stay (exponents, unit factors); exponents stay exact.
-
-    Raises
-    ------
-    ModelError
-        If a constant is not a finite number (a mode that does not exist for these parameters).
+    Integers that a double represents exactly stay (exponents, unit factors); exponents stay exact. ModelError if a
+    constant is not a finite number (a mode that does not exist for these parameters).
 
     Examples
     --------

@@ -60,13 +60,9 @@ def transition_kind(before: int, after: int) -> Literal["stick", "release", "cro
 def sign_after(below: float, above: float) -> int | None:
     """Return the side on which a trajectory leaves a surface (-1, +1), 0 for sliding, None if two signs do not decide.
 
+    ``below``, ``above``: dh/dt of the fields on the negative and on the positive side, at a point of the surface h = 0.
     A trajectory that reaches the surface from one side crosses it if both fields point to the other side, and slides if
     both fields point at the surface (Filippov 1988, Sec. 4).
-
-    Parameters
-    ----------
-    below, above : float
-        dh/dt of the fields on the negative and on the positive side, at a point of the surface h = 0.
 
     Examples
     --------

@@ -39,11 +39,8 @@ FEW = 3
 class FilippovSystem(SwitchedField):
     """``x' = f(t, x, s)`` with surfaces ``h_i(t, x)`` and sign symbols ``s_i``.
 
-    Raises
-    ------
-    ModelError
-        From :meth:`equations`, if a mode has no equations (signs that multiply each other on an intersection, held
-        contacts that act on each other without a solution).
+    ModelError from :meth:`equations`, if a mode has no equations (signs that multiply each other on an intersection,
+    held contacts that act on each other without a solution).
     """
 
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)

@@ -89,20 +89,10 @@ def build_tape(
 ) -> Tape:
     """Write a smooth field and further functions of time and state as a tape.
 
-    Parameters
-    ----------
-    field : iterable of Expr
-        x_i' in time, states and constants (parameters, slip signs: every other symbol).
-    outputs : iterable of Expr
-        Further functions whose series along the solution are computed.
-    definitions : sequence of (Symbol, Expr)
-        Names used in these expressions, with their values, each in terms of earlier names. A name is a node of its
-        own, even if its value is constant: it is not merged with other constants.
-
-    Raises
-    ------
-    ModelError
-        If a function has no coefficient recurrence here (sign, Abs, Piecewise ...).
+    ``field``: x_i' in time, states and constants (parameters, slip signs: every other symbol); ``outputs``: further
+    functions whose series along the solution are computed; ``definitions``: names used in these expressions, with their
+    values, each in terms of earlier names. A name is a node of its own, even if its value is constant: it is not merged
+    with other constants. ModelError if a function has no coefficient recurrence here (sign, Abs, Piecewise ...).
     """
     field, outputs = list(field), list(outputs)
     named = [expression for _, expression in definitions]

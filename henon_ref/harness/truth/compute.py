@@ -50,29 +50,14 @@ Progress = Callable[[str, float], None]
 
 
 def truth_for(case: Case, reading: Reading, *, folder: Path | None = None) -> Truth:
-    """Return the truth of a reading, stored or computed.
+    """Return the truth of a reading: the stored one if the hash of its mathematics matches, else a computed one.
 
-    Parameters
-    ----------
-    case : Case
-    reading : Reading
-        A reading of the case.
-    folder : Path, optional
-        Folder of stored truths; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`), and
-        if the file there is unusable, the user's cache.
+    ``folder`` has the stored truths; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`),
+    and if the file there is unusable, the user's cache. A computed truth is stored unless that would replace a file
+    outside the user's cache: an unusable file in ``cases/truth`` is kept. Nothing is stored in an installed package. A
+    truth is not stored if heyoka is not installed but would continue it, or if a time limit stopped it.
 
-    Returns
-    -------
-    Truth
-        The stored truth if the hash of its mathematics matches, else a computed one. A computed truth is stored
-        unless that would replace a file outside the user's cache: an unusable file in ``cases/truth`` is kept.
-        Nothing is stored in an installed package. A truth is not stored if heyoka is not installed but would
-        continue it, or if a time limit stopped it.
-
-    Raises
-    ------
-    TruthError
-        If two routes, or a route and a closed form, contradict each other; nothing is stored then.
+    TruthError if two routes, or a route and a closed form, contradict each other; nothing is stored then.
     """
     if (stored := stored_truth(case, reading, folder)) is not None:
         return stored
@@ -155,19 +140,10 @@ def compute(
 ) -> Truth:
     """Compute the truth of a reading by both routes.
 
-    Parameters
-    ----------
-    proof_seconds : float, optional
-        Time limit of the proof; None: no limit.
-    barren_seconds : float, optional
-        Time limit of the proof if the run fails before its first transition; None: ``proof_seconds``.
-    computed_seconds : float, optional
-        Processor time limit of heyoka's route; None: no limit.
+    ``proof_seconds``: time limit of the proof; ``barren_seconds``: the same if the run fails before its first
+    transition (None: ``proof_seconds``); ``computed_seconds``: processor time limit of heyoka's route. None: no limit.
 
-    Raises
-    ------
-    TruthError
-        If the routes, or a route and a closed form, contradict each other.
+    TruthError if the routes, or a route and a closed form, contradict each other.
     """
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
     from henon_ref.harness.truth.conditioning import conditioning

@@ -156,14 +156,8 @@ def rig_equations() -> Findings:
 def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
     """Eq. (27) with the friction of Eq. (28) in slip, written explicitly in the states and the sign of a rig.
 
-    xi1 ... xi7 are those of the paper, in the rig's parameters.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-        A rig.
-    printed : bool
-        Whether to use the signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
+    xi1 ... xi7 are those of the paper, in the rig's parameters. ``printed``: whether to use the signs as printed, or
+    ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
     """
     m, k1, k2, k3, c1, c2, mu0, delta, a, b, r, vp = sp.symbols("m k1 k2 k3 c1 c2 mu0 delta a b r vp", real=True)
     (x1, x2, x3, x4), (s,) = system.states, system.signs

@@ -230,28 +230,13 @@ def estimated(
 ) -> tuple[list[float], float]:
     """Estimate the Lyapunov exponents of a flow from samples; no radius and delay are right for all samples.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (k, n)
-        States at intervals of :data:`INTERVAL`.
-    radius : float
-        Radius of the ball of neighbours, relative to the size of the set (root-mean-square distance from the mean).
-    delay : int
-        Number d of samples between a distance and its image, and between two reference points.
-    cutoff : float
-        A direction is left out if the neighbours' spread in it is below this part of their largest spread.
+    ``samples``, shape (k, n), are states at intervals of :data:`INTERVAL`. ``radius`` is that of the ball of
+    neighbours, relative to the size of the set (root-mean-square distance from the mean), and ``delay`` the number d of
+    samples between a distance and its image, and between two reference points. A direction is left out if the
+    neighbours' spread in it is below the part ``cutoff`` of their largest spread.
 
-    Returns
-    -------
-    exponents : list of float
-        The n exponents [1/s], in the order of the basis vectors (largest first, up to statistical noise).
-    directions : float
-        Mean number of directions that the neighbours span.
-
-    Raises
-    ------
-    ModelError
-        If samples are not finite, or too few.
+    Returns the n exponents [1/s] in the order of the basis vectors (largest first, up to statistical noise), and the
+    mean number of directions that the neighbours span. ModelError if samples are not finite, or too few.
     """
     samples = np.ascontiguousarray(samples, dtype=float)
     if not np.isfinite(samples).all():

@@ -77,12 +77,8 @@ class Ready(ReadingRow):
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of the ladder's solvers: the reference and ``chosen``, or the default solvers and :data:`WHEN_NAMED`.
 
-    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case.
-
-    Raises
-    ------
-    CaseError
-        If a name is unknown.
+    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case. CaseError if a name is
+    unknown.
     """
     named = [registry.check(name) for name in chosen if name != registry.ALL]
     if registry.ALL in chosen:
