@@ -64,18 +64,11 @@ def repeat(
 ) -> tuple[float, ...]:
     """Time a prepared run repeatedly; return the samples [s], in the order taken.
 
-    Parameters
-    ----------
-    first : float
-        Wall time of the first call [s], the warm-up; it is a sample only if no other is taken.
-    repeats : int, optional
-        Number of samples; None: as many as fit into the budget, from ``FEWEST`` to ``SAMPLES``.
-    budget : float
-        Time for all samples [s]; a run whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated.
-    cold : bool
-        Whether the first call may have loaded or compiled code; if so, take at least one sample.
-    result : list, optional
-        Receives what the last call returned; unchanged if there is none, or if the run has its own clock.
+    ``first`` is the wall time of the first call [s], the warm-up; it is a sample only if no other is taken. ``repeats``
+    is the number of samples; None: as many as fit into the ``budget`` [s], from ``FEWEST`` to ``SAMPLES``, but a run
+    whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated. ``cold``: whether the first call may have
+    loaded or compiled code; if so, take at least one sample. ``result`` receives what the last call returned; unchanged
+    if there is none, or if the run has its own clock.
     """
     if isinstance(run, SelfTimedRun):
         count = (_affordable(first, budget) or int(cold)) if repeats is None else repeats
