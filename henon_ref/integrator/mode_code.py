@@ -128,8 +128,7 @@ def _mode_code(
     system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: tuple[Entries, ...]
 ) -> ModeCode:
     n, nodes = len(system.states), expansion.nodes
-    degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
-    degree = max(degrees) if max(degrees) <= order else 0
+    degree = expansion.degree if expansion.degree <= order else 0
     field_branches = _has_branch_points(expansion, expansion.field)
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
     large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
@@ -143,7 +142,7 @@ def _mode_code(
     ]
     code = machine_code(*parts, optimised=large or not_watched, simplified=not_watched and not large)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
-    program = tape_program(expansion, max(degrees))
+    program = tape_program(expansion)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, program)
 
 
@@ -152,11 +151,8 @@ def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     return any(tape.nodes[at].op in ("sqrt", "power", "asin", "acos") for at in tape.needed(rows))
 
 
-def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
-    """Encode a tape for evaluation in double-double (``struct tape`` of ``kernel.h``); None if not supported.
-
-    ``degree``: degree of states and outputs if they are polynomials in time, otherwise INFINITE.
-    """
+def tape_program(tape: Tape) -> NDArray[np.int64] | None:
+    """Encode a tape for evaluation in double-double (``struct tape`` of ``kernel.h``); None if not supported."""
     large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
     if large or any(node.op not in _KINDS for node in tape.nodes):
         return None
@@ -167,7 +163,8 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
         if isinstance(rule, IntegralOfProduct | IntegralOfQuotient):
             second, sign, divides = rule.place(at, node.args), rule.sign, int(isinstance(rule, IntegralOfQuotient))
         operations += [_KINDS[node.op], first, second, *(*node.constants, 0, 0)[:2], sign, divides, node.degree]
-    head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree if degree < INFINITE else 0
+    degree = tape.degree if tape.degree < INFINITE else 0
+    head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree
     return np.array([*head, *operations, *tape.field, *tape.outputs], dtype=np.int64)
 
 

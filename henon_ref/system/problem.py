@@ -286,8 +286,8 @@ def _check_stops(source: Source, problem: Problem, part: float) -> None:
             raise source.error(("initial",), message, key=True)
         moves_in = side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0
         if moves_in and not (i in given and _rests(problem, i, part)):
-            reason = into_surface(name, str(problem.start))
-            raise source.error(("initial",), f"the start is invalid: {reason}", key=True)
+            reason = f"the start is invalid: {into_surface(name, str(problem.start))}"
+            raise source.error(("initial",), reason, key=True)
 
 
 def _rests(problem: Problem, stop: int, part: float) -> bool:
@@ -296,11 +296,9 @@ def _rests(problem: Problem, stop: int, part: float) -> bool:
     from henon_ref.modes.mode_evaluation import in_doubles
 
     mode = tuple(problem.initial_mode.get(i, side) for i, side in enumerate(_sides(problem)))
-    return (
-        part > 0
-        and mode[stop] == 0
-        and is_zero_up_to_error(in_doubles(problem.system).at_start(problem), mode, stop, part)
-    )
+    if part <= 0 or mode[stop] != 0:
+        return False
+    return is_zero_up_to_error(in_doubles(problem.system).at_start(problem), mode, stop, part)
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
@@ -327,23 +325,20 @@ def _initial_mode(source: Source, problem: Problem, part: float) -> dict[int, in
         entry = int(source.text(path))
         if name not in order:
             raise source.unknown(path, f"'{name}' is not a surface", "surfaces", order)
-        index = order.index(name)
-        modes[index] = entry
+        modes[order.index(name)] = entry
     signs = {i: _side_at_start(problem, problem.system.surfaces[i]) for i in modes}
     if part and any(signs[i] not in (0, entry) for i, entry in modes.items()):
         from henon_ref.modes.end_of_run import signs_in_mode  # rarely needed
         from henon_ref.modes.mode_evaluation import in_doubles
 
-        at = in_doubles(problem.system).at_start(problem)
-        found, modes = signs_in_mode(at, _sides(problem), modes, part)
+        found, modes = signs_in_mode(in_doubles(problem.system).at_start(problem), _sides(problem), modes, part)
         signs = dict(enumerate(found))
     for i, entry in modes.items():
         if signs[i] not in (0, entry):
             what = f"the start is not on the surface of '{order[i]}', whose sign is {signs[i]:+d} there"
             raise source.error(("initial", "mode", order[i]), what)
-    sliding = frozenset(index for index, entry in modes.items() if entry == 0)
     try:
-        problem.system.shared_equations(sliding)
+        problem.system.shared_equations(frozenset(i for i, entry in modes.items() if entry == 0))
     except ModelError as error:
         raise source.error(("initial", "mode"), f"the surfaces with mode 0 cannot slide together: {error}") from error
     return modes

@@ -61,6 +61,12 @@ class Tape:
         """Number of nodes of each operation, a measure of a model's cost."""
         return dict(sorted(Counter(node.op for node in self.nodes).items()))
 
+    @property
+    def degree(self) -> int:
+        """Bound of the degree in time of all states and outputs along every solution."""
+        nodes = self.nodes
+        return max([nodes[row].degree + 1 for row in self.field] + [nodes[row].degree for row in self.outputs])
+
     def part(self, outputs: Sequence[int]) -> Tape:
         """Return the tape of some outputs without the field; the constants keep their indices."""
         needed = self.needed(self.outputs[at] for at in outputs)

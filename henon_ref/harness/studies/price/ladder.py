@@ -285,7 +285,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
         style.decades(axes.xaxis, style.time_text if is_time else style.power_of_ten)
         style.decades(axes.yaxis)
         ordered = sorted(tips, key=lambda solver: -tips[solver])
-        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], gap=0.05)
         if is_time:
             axes.plot([], [], color=style.GREY, lw=0.8, label="95 % interval of the median")
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
