@@ -14,7 +14,7 @@ from henon_ref.text import message
 
 _ERASED = "\r\x1b[2K"
 """Moves the cursor to the start of the line and erases the line."""
-PATIENCE = 1.0
+NOTICE_DELAY = 1.0
 """Delay before a notice is written [s]."""
 
 
@@ -25,7 +25,7 @@ def notice_if_slow() -> Iterator[None]:
         yield
         return
     stream = sys.stdout if in_notebook() else sys.stderr  # a notebook shows standard error as an error
-    timer = Timer(PATIENCE, lambda: print("henon_ref: compiling the system, once", file=stream, flush=True))
+    timer = Timer(NOTICE_DELAY, lambda: print("henon_ref: compiling the system, once", file=stream, flush=True))
     timer.daemon = True
     timer.start()
     try:

@@ -14,7 +14,7 @@ from henon_ref.expressions.bounds import terms
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rules, Walk, fold, is_longer
 
-PATIENCE = 400
+MAX_PROOF_OPERATIONS = 400
 """Largest number of operations for which a proof is tried, since algebra may not end; a quarter of it if the expression
 has symbols."""
 
@@ -98,11 +98,11 @@ def proves_zero(expression: sp.Expr) -> bool:
     >>> proves_zero(z**3 - z + sp.sqrt(3) / 9)
     True
     """
-    if terms(expression) <= PATIENCE:
+    if terms(expression) <= MAX_PROOF_OPERATIONS:
         expression = sp.expand(expression)
     if expression == 0 or simplified(expression) == 0:
         return True
-    patience = PATIENCE if expression.is_number else PATIENCE // 4
+    patience = MAX_PROOF_OPERATIONS if expression.is_number else MAX_PROOF_OPERATIONS // 4
     if is_longer(expression, patience):
         return False
     simple = sp.simplify(expression)

@@ -109,7 +109,7 @@ def _cost_description(tips: Mapping[str, NDArray[np.float64]]) -> str:
     )
 
 
-LEAST = 1e-18
+LOWEST_ERROR = 1e-18
 """Errors below this value, and zero errors, are drawn at the lower edge [s]."""
 
 
@@ -179,15 +179,15 @@ def draw_errors(runs: Sequence[tuple[RunRow, Sequence[TransitionRow]]], expected
 
 
 def _error_limits(curves: Sequence[Curve], expected: Expected) -> tuple[float, float]:
-    """Return limits of whole decades around the final errors, not below the radius of the truth or ``LEAST``."""
+    """Return limits of whole decades around the final errors, not below the radius of the truth or ``LOWEST_ERROR``."""
     ends = np.array([curve.last for curve in curves if curve.errors.size])
-    seen = ends[ends > max(LEAST, expected.radius)]
+    seen = ends[ends > max(LOWEST_ERROR, expected.radius)]
     if not seen.size:
-        return LEAST, 1e-12
+        return LOWEST_ERROR, 1e-12
     least = seen.min() / 100  # two decades below the smallest final error
     if seen.size < ends.size:  # a curve with zero error at the lower edge must not look like one with an error
         least = min(least, float(np.spacing(abs(expected.end_time))) / 8)
-    return max(float(10 ** np.floor(np.log10(least))), LEAST), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
+    return max(float(10 ** np.floor(np.log10(least))), LOWEST_ERROR), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
 def _draw_curve(axes: Axes, line: style.Line, curve: Curve, lowest: float, *, shift: float, last: float) -> None:

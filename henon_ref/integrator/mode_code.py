@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MOST_WATCHED = 200
 """Largest number of operations of the guards beyond those of the field (such as a long expression whose extremes a
 sweep locates) for which the code is fully optimized; for more, optimizing takes longer than most runs."""
-LARGE = 200
+LARGE_TAPE = 200
 """Number of operations above which the code consists of loops over equal operations
 (:mod:`henon_ref.taylor.llvm.looped`), because the compile time of straight-line code grows quadratically. For 40 masses
 with one contact (243 operations) loops compile in 2.2 s instead of 6.9 s and a run takes 1.07 times as long; for 4
@@ -131,7 +131,7 @@ def _mode_code(
     degree = expansion.degree if expansion.degree <= order else 0
     field_branches = _has_branch_points(expansion, expansion.field)
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
-    large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
+    large, not_watched = len(nodes) > LARGE_TAPE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
     loops = "looped " if large else ""
     parts = [
         Part(f"{loops}expansion", (expansion, n, order, "expansion")),

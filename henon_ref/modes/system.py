@@ -31,7 +31,7 @@ from henon_ref.taylor.tape import TIME
 if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
-FEW = 3
+FEW_SURFACES = 3
 """Largest number of surfaces for which each mode has its own equations; above it, modes share one set."""
 
 
@@ -157,7 +157,7 @@ class FilippovSystem(SwitchedField):
     @cached_property
     def switched(self) -> SwitchedEquations | None:
         """One set of equations for all modes of many contacts; None for few surfaces or other systems."""
-        if len(self.surfaces) <= FEW:
+        if len(self.surfaces) <= FEW_SURFACES:
             return None
         from henon_ref.modes.coupled_contacts import coupled_equations  # few systems have many contacts
         from henon_ref.modes.decoupled_contacts import switched_equations

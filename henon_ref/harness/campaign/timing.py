@@ -23,7 +23,7 @@ SLOW = 3.0
 """A run is not repeated if ``FEWEST`` samples would take longer than this multiple of the budget."""
 UNSTABLE = 0.1
 """Ratio of interquartile range to median above which a sample is called unstable."""
-MOST = 20
+MAX_REPETITIONS = 20
 """Largest number of repetitions in one turn."""
 
 
@@ -114,12 +114,12 @@ def summarise(samples: Sequence[float]) -> dict[str, float]:
 
 
 def turn_times(run: Callable[[], object], seconds: float) -> list[float]:
-    """Repeat a run for some seconds, at least once and at most ``MOST`` times; return the wall times [s]."""
+    """Repeat a run for some seconds, at least once and at most ``MAX_REPETITIONS`` times; return the wall times [s]."""
     taken = [timed(run)]
     if isinstance(run, SelfTimedRun):
-        count = min(int(seconds / taken[0]), MOST)
+        count = min(int(seconds / taken[0]), MAX_REPETITIONS)
         return list(_own_times(run, count)) if count > 1 else taken
-    while sum(taken) + taken[-1] <= seconds and len(taken) < MOST:
+    while sum(taken) + taken[-1] <= seconds and len(taken) < MAX_REPETITIONS:
         taken.append(timed(run))
     return taken
 

@@ -144,7 +144,7 @@ def _on_grid(
 
 PAPER, NIGHT = "#ffffff", "#15181c"
 """Background colours of the light and the dark page."""
-SEEN = 3.0
+MIN_CONTRAST = 3.0
 """Smallest contrast of a line with the background (WCAG 2.2, 1.4.11)."""
 
 
@@ -174,7 +174,7 @@ def towards(colour: str, end: float, background: str) -> str:
     for share in range(0, 101, 2):
         parts = ((1 - share / 100) * channel + share / 100 * end for channel in _channels(colour))
         mixed = "#" + "".join(f"{round(255 * part):02x}" for part in parts)
-        if contrast(mixed, background) >= SEEN:
+        if contrast(mixed, background) >= MIN_CONTRAST:
             break
     return mixed
 

@@ -61,8 +61,8 @@ def truth_for(case: Case, reading: Reading, *, folder: Path | None = None) -> Tr
     """
     if (stored := stored_truth(case, reading, folder)) is not None:
         return stored
-    limits = {"proof_seconds": PROOF_SECONDS, "barren_seconds": BARREN_SECONDS, "computed_seconds": COMPUTED_SECONDS}
-    truth = compute(case, reading, **limits)
+    proof, barren, computed = PROOF_SECONDS, BARREN_SECONDS, COMPUTED_SECONDS
+    truth = compute(case, reading, proof_seconds=proof, barren_seconds=barren, computed_seconds=computed)
     if not truth.certified and (not heyoka_installed() or truth.reason.startswith(OUT_OF_TIME)):
         return truth
     places = [place for place in _places(case, folder) if not store.inside_package(place)]

@@ -37,10 +37,10 @@ from henon_ref.harness.report.folder_report import (
 from henon_ref.harness.report.matrix import MatrixRow, read_matrix
 from henon_ref.harness.report.rendering import (
     CELLS,
+    MIN_CONTRAST,
     MOST_POINTS,
     NIGHT,
     PAPER,
-    SEEN,
     contrast,
     embedded,
     read_embedded,
@@ -335,5 +335,5 @@ def test_the_page_of_the_whole_suite_is_small(tmp_path: Path) -> None:
 
 def test_lines_are_seen_on_light_and_dark_pages() -> None:
     for own in solver_lines(["henon", "heyoka", "scipy-lsoda", "cvode-bdf", "scipy-sign", "a-solver-of-mine"]).values():
-        assert contrast(str(own["light"]), PAPER) >= SEEN
-        assert contrast(str(own["dark"]), NIGHT) >= SEEN
+        assert contrast(str(own["light"]), PAPER) >= MIN_CONTRAST
+        assert contrast(str(own["dark"]), NIGHT) >= MIN_CONTRAST

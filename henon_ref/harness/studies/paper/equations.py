@@ -53,7 +53,7 @@ EDGE = 2 / (3 * sp.sqrt(3))
 """Upper boundary value of mu0 for k1 = k2 = 1."""
 INNER, OUTER = 1 / sp.sqrt(3), 2 / sp.sqrt(3)
 """Positions at which the stick zones meet and end if mu0 is the boundary value."""
-MOST = 4 * sp.sqrt(3) / 9
+RIGHT_EDGE = 4 * sp.sqrt(3) / 9
 """Right edge of Fig. 7c."""
 
 
@@ -100,7 +100,7 @@ def section_4() -> Findings:
     at_edge = {MU0: EDGE, Z: INNER}
     beyond = [
         TangentAnalysis(systems.section_4({**unit, MU0: mu0}), STRETCH).tangent_points()
-        for mu0 in (EDGE / 2, EDGE, EDGE * sp.Rational(3, 2), MOST)
+        for mu0 in (EDGE / 2, EDGE, EDGE * sp.Rational(3, 2), RIGHT_EDGE)
     ]
     return Findings(
         {
