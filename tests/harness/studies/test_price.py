@@ -333,9 +333,8 @@ def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_pat
         "contacts": [ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
     }
     done = Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10)
-    failed = ["c, late, against ida: it *died*"]
-    page = write_page(tmp_path, provenance("make it again"), rows, [timed], failed, done, parts)
-    text = page.read_text(encoding="utf-8")
+    failed, context = ["c, late, against ida: it *died*"], provenance("make it again")
+    text = write_page(tmp_path, context, rows, [timed], failed, done, parts).read_text(encoding="utf-8")
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
     assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3
