@@ -29,8 +29,6 @@ def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) 
     The expression has exact numbers, elementary functions, and symbols, with a ball for each in ``values``. ModelError
     if a symbol has no value, or a function has no version for balls.
 
-    Examples
-    --------
     >>> enclose(sp.sqrt(2) ** 2 - 1).contains(1)
     True
     """
@@ -92,8 +90,6 @@ def proves_zero(expression: sp.Expr) -> bool:
 
     False means that no proof was found, not that the expression differs from zero.
 
-    Examples
-    --------
     >>> z = 2 / sp.sqrt(3) * sp.sin(sp.pi / 18)  # the tangent point of Fig. 8, Eq. (24)
     >>> proves_zero(z**3 - z + sp.sqrt(3) / 9)
     True

@@ -35,8 +35,6 @@ def rows_text(kind: type[AnyRow], rows: Iterable[AnyRow], states: Sequence[str] 
 def csv_field(value: object) -> str:
     """Write one value: floats with the fewest digits that read back the same, missing values empty.
 
-    Examples
-    --------
     >>> csv_field(1e-12), csv_field(3), csv_field(None), csv_field(float("nan")), csv_field("ok")
     ('1e-12', '3', '', '', 'ok')
     >>> csv_field(-1), csv_field("-1"), csv_field("=A1")

@@ -24,8 +24,6 @@ def pair_of(value: Any) -> Pair | None:
 
     A float stands for the decimal number that Python prints.
 
-    Examples
-    --------
     >>> pair_of(3), pair_of(0.5), pair_of(0.1), pair_of("1/3"), pair_of(float("nan"))
     ((3.0, 0.0), (0.5, 0.0), (0.1, -5.551115123125783e-18), None, None)
     >>> from fractions import Fraction

@@ -216,8 +216,6 @@ class KnownFailure(Row):
     def name(self) -> str:
         """Description in messages.
 
-        Examples
-        --------
         >>> KnownFailure("two_roots", solver="ida", rtol=1e-3).name
         'case two_roots, solver ida, rtol 0.001'
         """
