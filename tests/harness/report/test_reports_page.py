@@ -257,7 +257,7 @@ def test_a_case_that_only_the_matrix_knows_has_its_cells(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "damage", ["not JSON", "[]", '{"title": "t", "readings": []}', '{"title": "t", "readings": {"default": 3}}']
 )
-def test_a_manifest_that_somebody_has_changed_costs_its_own_words_only(tmp_path: Path, damage: str, capsys) -> None:
+def test_a_manifest_that_somebody_has_changed_costs_its_own_words_only(tmp_path: Path, damage: str) -> None:
     page = made_folder(tmp_path)
     (tmp_path / "first" / "manifest.json").write_text(damage)
     write_folder_report(tmp_path)
