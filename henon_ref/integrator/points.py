@@ -80,41 +80,19 @@ class PointRuns:
     are in one array, in order of time. The points are in no particular order. The results depend
     neither on which points are run together nor on what was compiled before.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        Integrator of a system without parameter values.
-    values : array_like, shape (points or 1, parameters) or (points or 1, parameters, 2)
-        Values of :attr:`Integrator.parameters`, in their order; one row applies to all points.
-    initial : array_like, shape (points, n) or (points, n, 2)
-    start, until : float or array_like, shape (points,) or (points, 2)
-        Initial time and horizon [s].
-    keep : Keep
-        By default no transition is kept.
-    mode : mapping, optional
-        Surface -> -1, 0 or +1, for starts on a surface from which several motions are possible; Python decides these.
-    held : array_like of bool, shape (points, surfaces), optional
-        Surfaces that held before, as of :meth:`Integrator.begin`.
-    exact : callable, optional
-        Returns the exact numbers of a point, by index. By default the printed decimal numbers.
-    **settings
-        Arguments of :func:`henon_ref.integrator.integrator.run_template`.
+    ``integrator``: of a system without parameter values; ``values``, shape (points or 1, parameters): of
+    :attr:`Integrator.parameters`, in their order, one row for all points or one for each; ``initial``, shape (points,
+    n); ``start``, ``until``: one time or one of each point [s]. Doubles stand for the decimal numbers that Python
+    prints; arrays with a further axis of length 2 are pairs (see :mod:`henon_ref.integrator.pairs`). ``keep``: by
+    default no transition is kept. ``mode``: surface -> -1, 0 or +1, for starts on a surface from which several motions
+    are possible; Python decides these. ``held``, bool of shape (points, surfaces): surfaces that held before, as of
+    :meth:`Integrator.begin`. ``exact`` returns the exact numbers of a point, by index; by default the printed decimal
+    numbers. ``settings``: of :func:`henon_ref.integrator.integrator.run_template`.
 
-    Doubles stand for the decimal numbers that Python prints; arrays with a last axis of length 2 are pairs (see
-    :mod:`henon_ref.integrator.pairs`).
-
-    Attributes
-    ----------
-    ends : ndarray, shape (points,) of :data:`END`
-        Time, number of the mode, and counts at the end of each run.
-    states : ndarray, shape (points, n)
-        States at the ends.
-    others : dict of int to Trajectory
-        Results of the points that were set aside, without transitions.
-    refused : set of int
-        Points that have no initial mode.
-    held_entries : dict of int to dict of int to int
-        Surface -> its entry in the mode at the start, of the surfaces ``held`` before the points that were set aside.
+    :attr:`ends`, of type :data:`END`: time, number of the mode, and counts at the end of each run; :attr:`states`,
+    shape (points, n), there. :attr:`others`: point -> Trajectory of the points that were set aside, without
+    transitions. :attr:`refused`: points that have no initial mode. :attr:`held_entries`: point that was set aside ->
+    surface, of those ``held`` before -> its entry in the mode at the start.
     """
 
     def __init__(

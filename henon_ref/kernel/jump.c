@@ -238,7 +238,8 @@ static void come_to_rest(struct work *w, const struct jump *jump)
     int64_t n = run->states;
     double part = jump->flights / run->unit;
     const struct mode *slip = mode_at(w, jump->target), *rest = mode_at(w, jump->end);
-    slip->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, jump->target, 0), w->ahead);
+    const double *constants = constants_of(w->tables, jump->target, 0);
+    slip->expansion(run->time, run->time_low, run->unit, jump->state, constants, w->ahead);
     double left = row_ahead(w, n + guard_on(slip, jump->surface))[1] / jump->rise; /* rest left by rounding */
     for (int64_t i = 0; i < n; i++) {
         struct pair moved = pair_sum(jump->state[i], left * (jump->state[i] - w->x[i]) + jump->low[i]);

@@ -10,7 +10,7 @@
 #define UNLIMITED 1e30
 /* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
 #define GAP_RATIO 1e-5
-/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms: its error may be 100 times as large. */
+/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms, with an error 100 times as large. */
 #define HIDDEN_GROWTH 5.0
 
 /* (above / below) ^ power to about one part in 100, which is enough for a step size. Both numbers are positive.
@@ -163,8 +163,8 @@ static double size_of_terms(const double *row, int64_t first, int64_t order, dou
     return size;
 }
 
-/* Check whether series may have hidden terms (has_hidden_terms in validation.c): at the start and after an event, where a
- * state may be symmetric or a forcing may begin, and where the proposed step is longer than the last one. */
+/* Check whether series may have hidden terms (has_hidden_terms in validation.c): at the start and after an event, where
+ * a state may be symmetric or a forcing may begin, and where the proposed step is longer than the last one. */
 static inline bool may_hide_terms(const struct work *w, double step, double last)
 {
     const struct run *run = w->run;

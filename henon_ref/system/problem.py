@@ -317,24 +317,21 @@ def _initial_mode(source: Source, problem: Problem, part: float) -> dict[int, in
         entry = int(source.text(path))
         if name not in order:
             raise source.unknown(path, f"'{name}' is not a surface", "surfaces", order)
-        index = order.index(name)
-        modes[index] = entry
+        modes[order.index(name)] = entry
     signs = {i: _side_at_start(problem, problem.system.surfaces[i]) for i in modes}
     resting = any(entry == 0 and problem.system.rests(i) for i, entry in modes.items())
     if resting or (part and any(signs[i] not in (0, entry) for i, entry in modes.items())):
         from henon_ref.modes.end_of_run import signs_in_mode  # rarely needed
         from henon_ref.modes.mode_evaluation import in_doubles
 
-        at = in_doubles(problem.system).at_start(problem)
-        found, modes = signs_in_mode(at, _sides(problem), modes, part)
+        found, modes = signs_in_mode(in_doubles(problem.system).at_start(problem), _sides(problem), modes, part)
         signs = dict(enumerate(found))
     for i, entry in modes.items():
         if signs[i] not in (0, entry):
             what = f"the start is not on the surface of '{order[i]}', whose sign is {signs[i]:+d} there"
             raise source.error(("initial", "mode", order[i]), what)
-    sliding = frozenset(index for index, entry in modes.items() if entry == 0)
     try:
-        problem.system.shared_equations(sliding)
+        problem.system.shared_equations(frozenset(i for i, entry in modes.items() if entry == 0))
     except ModelError as error:
         raise source.error(("initial", "mode"), f"the surfaces with mode 0 cannot slide together: {error}") from error
     return modes

@@ -37,10 +37,7 @@ LOADING_SECONDS = 60.0
 class Options:
     """Options of a campaign.
 
-    Raises
-    ------
-    CaseError
-        If a value is not allowed. :func:`check_solvers` checks later whether the solvers exist.
+    CaseError if a value is not allowed; :func:`check_solvers` checks later whether the solvers exist.
     """
 
     solvers: tuple[str | Solver, ...] | None = None

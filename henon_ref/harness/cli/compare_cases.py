@@ -51,12 +51,8 @@ def run(
     ``options`` are arguments of :class:`Options`, with the folder of the reports. The exit status is 1 if a required
     solver is wrong or was not judged in any reading. With ``gated``, it is also 1 if a bound of the gate is violated,
     or if there are bounds and none was checked. With ``as_json`` the table is printed as a JSON document, and nothing
-    else is printed on standard output.
-
-    Raises
-    ------
-    CaseError
-        If a case file or an argument is invalid; nothing has been written then.
+    else is printed on standard output. CaseError if a case file or an argument is invalid; nothing has been written
+    then.
     """
     out: Path = options["folder"]
     check_writable(out)

@@ -75,8 +75,6 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
 def json_text(value: object, indent: str = "") -> str:
     """Format a value as readable JSON: a list or object is on one line if it fits into 120 characters.
 
-    Examples
-    --------
     >>> print(json_text({"a": {"exact": "1/10", "value": 0.1}, "b": ["x" * 70, "y" * 70]}))
     {
      "a": {"exact": "1/10", "value": 0.1},

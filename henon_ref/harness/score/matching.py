@@ -75,26 +75,13 @@ def match(
     end_slack: float = 0.0,
     accumulating: bool = False,
 ) -> Matching:
-    """Match a run's transitions with the reference's.
+    """Match a run's transitions with the reference's, both in order of time; the matching contains their keys.
 
-    Parameters
-    ----------
-    reference, found : mapping of Event
-        Both in order of time; the matching contains their keys.
-    start, until : float
-        The reading's initial time and horizon [s].
-    radius : float
-        Radius of the reference's times [s]; transitions of different surfaces closer than this are one instant.
-    reached_horizon : bool
-        False for a run that ended early: transitions after its end are missed, not cut off by the horizon.
-    end_slack : float
-        Time before the horizon [s] in which unmatched transitions are cut off, regardless of the run's error.
-    accumulating : bool
-        Whether transitions accumulate at the horizon, so that a run may have any number of them there.
-
-    Returns
-    -------
-    Matching
+    ``start`` and ``until`` are the reading's initial time and horizon [s], and ``radius`` that of the reference's times
+    [s]: transitions of different surfaces closer than this are one instant. If the run ended early (``reached_horizon``
+    is False), transitions after its end are missed, not cut off by the horizon. Unmatched transitions within
+    ``end_slack`` before the horizon [s] are cut off, regardless of the run's error. ``accumulating``: whether
+    transitions accumulate at the horizon, so that a run may have any number of them there.
     """
     span = max(until - start, np.finfo(float).tiny)
     (ref, ref_touches), (run, run_touches) = _without_touches(reference), _without_touches(found)

@@ -126,13 +126,13 @@ def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path,
     assert named.replace("henon", "`henon`").replace("heyoka", "`heyoka`").replace(" and ", ", ") in report
 
 
-def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightest(tmp_path, made_up, capsys):
+def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightest(tmp_path, made_up):
     (tmp_path / "gated.yaml").write_text(CASE.format(name="gated"))
     assert run("gated.yaml", "--gate", "--tolerances", "1e-9") == 1
     assert run("gated.yaml", "--gate", "--tolerances", "1e-9,1e-6") == 0
 
 
-def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):
+def test_a_required_solver_decides_the_exit_status(made_up, capsys):
     assert run(made_up, "--require", "henon") == 0
     assert capsys.readouterr().out.endswith("\nout/made_up/report.md; gate met; henon right in 1 of 1 judged\n")
     assert run(made_up, "--require", "henon,heyoka") == 1

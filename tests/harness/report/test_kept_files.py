@@ -44,7 +44,7 @@ def messages(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line for line in capsys.readouterr().err.splitlines() if not re.match(r"\d+ of \d+: ", line)]
 
 
-def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, tmp_path, capsys):
+def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, tmp_path):
     index = tmp_path / "README.md"
     assert run(made_up, "--out", ".") == 0
     with index.open("a") as file:

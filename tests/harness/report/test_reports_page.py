@@ -37,10 +37,10 @@ from henon_ref.harness.report.folder_report import (
 from henon_ref.harness.report.matrix import MatrixRow, read_matrix
 from henon_ref.harness.report.rendering import (
     CELLS,
+    MIN_CONTRAST,
     MOST_POINTS,
     NIGHT,
     PAPER,
-    SEEN,
     contrast,
     embedded,
     read_embedded,
@@ -257,7 +257,7 @@ def test_a_case_that_only_the_matrix_knows_has_its_cells(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     "damage", ["not JSON", "[]", '{"title": "t", "readings": []}', '{"title": "t", "readings": {"default": 3}}']
 )
-def test_a_manifest_that_somebody_has_changed_costs_its_own_words_only(tmp_path: Path, damage: str, capsys) -> None:
+def test_a_manifest_that_somebody_has_changed_costs_its_own_words_only(tmp_path: Path, damage: str) -> None:
     page = made_folder(tmp_path)
     (tmp_path / "first" / "manifest.json").write_text(damage)
     write_folder_report(tmp_path)
@@ -339,5 +339,5 @@ def test_the_page_of_the_whole_suite_is_small(tmp_path: Path) -> None:
 
 def test_lines_are_seen_on_light_and_dark_pages() -> None:
     for own in solver_lines(["henon", "heyoka", "scipy-lsoda", "cvode-bdf", "scipy-sign", "a-solver-of-mine"]).values():
-        assert contrast(str(own["light"]), PAPER) >= SEEN
-        assert contrast(str(own["dark"]), NIGHT) >= SEEN
+        assert contrast(str(own["light"]), PAPER) >= MIN_CONTRAST
+        assert contrast(str(own["dark"]), NIGHT) >= MIN_CONTRAST

@@ -77,12 +77,8 @@ class Ready(ReadingRow):
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of the ladder's solvers: the reference and ``chosen``, or the default solvers and :data:`WHEN_NAMED`.
 
-    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case.
-
-    Raises
-    ------
-    CaseError
-        If a name is unknown.
+    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case. CaseError if a name is
+    unknown.
     """
     named = [registry.check(name) for name in chosen if name != registry.ALL]
     if registry.ALL in chosen:
@@ -291,7 +287,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
         style.decades(axes.xaxis, style.time_text if is_time else style.power_of_ten)
         style.decades(axes.yaxis)
         ordered = sorted(tips, key=lambda solver: -tips[solver])
-        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], gap=0.05)
         if is_time:
             axes.plot([], [], color=style.GREY, lw=0.8, label="95 % interval of the median")
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
