@@ -269,8 +269,8 @@ struct places {
     int64_t band;         /* rows: Taylor coefficients of states and guards in the unit, then the norms of the last
                              ones; the same at the end of a step that is checked; work space of root isolation */
     int64_t width;        /* length of a row of the band */
-    int64_t room;         /* 4 n + 5 G: change of the states over a step and lower bounds of the guards; a state; normal
-                             velocities; rounding of the slopes. Or work space of mode selection */
+    int64_t room;         /* 4 n + 6 G: change of the states over a step and lower bounds of the guards; a state; normal
+                             velocities; rounding of slopes and guards. Or work space of mode selection */
     int64_t origin;       /* 3 n + 3: the motion from the run's start in double-double: time, and what rounding lost of
                              it; 1 if the motion is known; states, what rounding lost of them, bounds of their errors */
     int64_t remembered;   /* REMEMBERED_STEPS modes of which the run keeps the last step: rows, or words of entries */

@@ -95,15 +95,15 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     return smaller(theta, longest);
 }
 
-/* Bound the rounding of the slopes' own operations where a step begins ("own_rounding"). Mark guards as faint, so that
- * they limit no step, if their coefficients are only rounding of theirs. */
+/* Bound the rounding of the own operations of slopes and guards where a step begins ("own_rounding"). Mark guards as
+ * faint, so that they limit no step, if their coefficients are only rounding of theirs. */
 static void account_for_rounding(const struct work *w)
 {
     const struct run *run = w->run;
     int64_t n = run->states;
     w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, w->ahead);
-    for (int64_t i = 0; i < n; i++)
-        w->own_rounding[i] = w->ahead[i] < INFINITY ? run->unit * w->ahead[i] : 0.0;
+    for (int64_t r = 0; r < n + w->mode->guards; r++)
+        w->own_rounding[r] = w->ahead[r] < INFINITY ? (r < n ? run->unit : 1.0) * w->ahead[r] : 0.0;
     for (int64_t g = 0; g < w->mode->guards; g++) {
         const double *row = guard_row(w, g);
         double size = fabs(row[0]) + fabs(row[1]) + fabs(row[2]);

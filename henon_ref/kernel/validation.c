@@ -240,11 +240,13 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         if (r < n)
             size = larger(size, reached(w, r, there, at, found->longest));
         /* A slope that moves its state by no more than rounding over the step, or is no larger than the rounding of its
-         * operations (1 - exp(-t^8) before t = 0.01), counts as zero, whatever its digits. */
+         * operations (1 - exp(-t^8) before t = 0.01), counts as zero, whatever its digits. So does the difference of a
+         * guard within rounding: of its operations (v - cos(t) after a release), or of the states (measured below). */
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
-        double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, w->own_rounding[r]) : 0.0;
+        double least = r < n || smooth ? w->own_rounding[r] : 0.0;
+        least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, least) : least;
         double allowed = larger(part * size, least);
-        if ((measurable || (r >= n && !smooth)) && off > allowed) {
+        if ((measurable || r >= n) && off > allowed) {
             if (!measured)
                 measure_rounding(w, code, end);
             measured = true;
