@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from henon_ref.baselines.adapter import Adapter
 from henon_ref.baselines.library import LIMIT, Library, Stop, Work
 from henon_ref.baselines.mode_functions import EPSILON, ModeFunctions
-from henon_ref.baselines.restart import LEAST, Restart
+from henon_ref.baselines.restart import SMALLEST_LIFT, Restart
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.smooth_mode import SmoothMode
 from henon_ref.modes.callables import ARITHMETIC
@@ -81,7 +81,7 @@ class _Mode(SmoothMode):
         lifts = self.lifts
         for k, guard in enumerate(self.model.guards):
             if lifts[k] > 0.0 and not guard.rising_only and (value := self._value(k, t, x)) <= 0.0:
-                lifts[k] += LEAST - 2.0 * value
+                lifts[k] += SMALLEST_LIFT - 2.0 * value
 
     def _unarmed(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return -1 for a guard that must rise before it counts (its negative is watched until then), 1 otherwise."""
@@ -107,7 +107,7 @@ class _Mode(SmoothMode):
             rates = np.abs(self.model.rates(t, *x[: self.states].tolist())[1::2])
         except ARITHMETIC:
             return int(np.argmin(values))
-        return int(np.argmin(np.append(values[:-1] / np.maximum(rates, LEAST), np.sign(values[-1]) * np.inf)))
+        return int(np.argmin(np.append(values[:-1] / np.maximum(rates, SMALLEST_LIFT), np.sign(values[-1]) * np.inf)))
 
 
 def _message(error: RuntimeError) -> str:

@@ -35,7 +35,7 @@ from henon_ref.trajectory import Trajectory
 
 _LOG = logging.getLogger(__name__)
 
-LATE = 1e3
+MISSED_ROOT = 1e3
 """A guard whose value is below minus this multiple of its error by the tolerances has been stepped over."""
 
 
@@ -209,15 +209,10 @@ class Driver:
     ) -> tuple[tuple[int, ...], tuple[Fresh, ...], str]:
         """Find all guards that fall at a stop of the library.
 
-        Returns
-        -------
-        hits : tuple of int
-            Guards that fell: those that the library reported, and those within its location error.
-        unsettled : tuple of Fresh
-            Guards that started at zero and are still within its rounding.
-        missed : str
-            Message about a guard that is below zero by more than the tolerances explain; empty if there is none. The
-            library stepped over the root, so that its later states belong to no mode.
+        Returns the guards that fell (those that the library reported, and those within its location error); those that
+        started at zero and are still within its rounding; and a message about a guard that is below zero by more than
+        the tolerances explain, empty if there is none: the library stepped over the root, so that its later states
+        belong to no mode.
         """
         model, t, x = entry.model, stop.t, stop.x
         try:
@@ -231,7 +226,7 @@ class Driver:
             reach = -rate * near
             if k in hits or value > max(reach, 0.0) or (guard.rising_only and value < -abs(reach)):
                 continue
-            if value < -abs(reach) - LATE * model.size(k, t, x, *self.library.accuracy):
+            if value < -abs(reach) - MISSED_ROOT * model.size(k, t, x, *self.library.accuracy):
                 return (), (), f"a root of {guard.expression} was stepped over: it is {value:.3g} at t = {t:.17g}"
             # A guard that started at zero, is within its noise and does not fall has not left zero yet. It falls if its
             # rate is more than a small part of its surface's normal velocities; a smaller one is rounding.

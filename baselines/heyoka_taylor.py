@@ -25,10 +25,10 @@ from typing import Any, Literal
 import sympy as sp
 
 from henon_ref.baselines.adapter import Adapter
-from henon_ref.baselines.driver import LATE
+from henon_ref.baselines.driver import MISSED_ROOT
 from henon_ref.baselines.library import LIMIT, Library, Stop, Times, Work
 from henon_ref.baselines.mode_functions import EPSILON, CommonFunctions, ModeFunctions
-from henon_ref.baselines.restart import LEAST, LIFT, LONGEST, SPAN, Fresh, Restart, dips, lift, quiet_until
+from henon_ref.baselines.restart import LIFT, LONGEST, SMALLEST_LIFT, SPAN, Fresh, Restart, dips, lift, quiet_until
 from henon_ref.baselines.scipy_ivp import scouting
 from henon_ref.baselines.surface_functions import slopes_of
 from henon_ref.errors import UnsupportedError
@@ -130,7 +130,7 @@ class _Mode:
                 value = model.guard[guard](stop.t, *stop.x)[0]
             except ARITHMETIC:
                 continue
-            if value < -LATE * (
+            if value < -MISSED_ROOT * (
                 model.size(guard, stop.t, stop.x, self._rtol, self._rtol) + speed * EPSILON * abs(stop.t)
             ):
                 return True
@@ -200,7 +200,7 @@ class _Mode:
         size = speed * SPAN * self._horizon
         for k, slope in zip(places, slopes, strict=True):
             size += abs(slope * x[k])
-        return max(LIFT * EPSILON * size, LEAST)
+        return max(LIFT * EPSILON * size, SMALLEST_LIFT)
 
     def _event_free_step(self, t: float, low: float, x: Sequence[float], until: float, fresh: Sequence[Fresh]) -> Stop:
         """Take a first step without events, then integrate with events.

@@ -42,7 +42,7 @@ SPAN = 1e-9
 """Part of the horizon over which a surface's normal velocity gives the rounding of a guard whose terms vanish."""
 LONGEST = 1e-3
 """Longest event-free step, as a part of the horizon."""
-LEAST = 1e-300
+SMALLEST_LIFT = 1e-300
 """Smallest lift; it only avoids an exact zero."""
 FLIGHT_ORDER = 8
 """Order of the Taylor polynomials of low flights."""
@@ -56,7 +56,7 @@ and its rate, which is much smaller than the speed after a tangential release.""
 def lift(model: ModeFunctions, fresh: Fresh, t: float, x: Sequence[float], horizon: float) -> float:
     """Compute the lift of a guard under ``offset`` (negative for a guard that counts only once it has risen)."""
     guard, speed, rate = fresh
-    value = max(LIFT * EPSILON * (model.size(guard, t, x, 1.0, 0.0) + speed * SPAN * horizon), LEAST)
+    value = max(LIFT * EPSILON * (model.size(guard, t, x, 1.0, 0.0) + speed * SPAN * horizon), SMALLEST_LIFT)
     if model.guards[guard].rising_only:
         return -value
     if not dips(speed, rate):

@@ -14,7 +14,7 @@ from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 
-MANY = 16
+MANY_ARGUMENTS = 16
 """From this number of arguments on, a function takes only the arguments that its expressions contain: SymPy traverses
 the expressions once per argument."""
 
@@ -22,7 +22,7 @@ the expressions once per argument."""
 @lru_cache(maxsize=4096)
 def of_few(arguments: tuple[sp.Symbol, ...], expressions: tuple[sp.Expr, ...]) -> Scalar:
     """Return ``f(t, *arguments)`` with one float per expression."""
-    if len(arguments) < MANY:
+    if len(arguments) < MANY_ARGUMENTS:
         return scalar(arguments, expressions)
     standing = set().union(*(e.free_symbols for e in expressions))
     places = [k for k, symbol in enumerate(arguments) if symbol in standing]
@@ -76,7 +76,7 @@ def landing(system: FilippovSystem, mode: Mode, index: int) -> Scalar:
     moved = {k: p for k, (p, x) in enumerate(zip(point, states, strict=True)) if p != x}
     there = {states[k]: p for k, p in moved.items()}
     velocities = [side.subs(there, simultaneous=True) for side in sides]
-    if len(states) < MANY:
+    if len(states) < MANY_ARGUMENTS:
         return scalar(states, [h, *velocities, *point])
     values, places = of_few(states, (h, *velocities, *moved.values())), tuple(moved)
 

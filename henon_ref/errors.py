@@ -72,5 +72,9 @@ class ContractError(HenonRefError):
     """A solver violates the contract; the message names the place (status ``failed``)."""
 
 
+class DeadlineError(ContractError):
+    """A solver ignores its deadline and is stopped from outside (status ``timeout``)."""
+
+
 class KernelError(HenonRefError):
     """A compiled library is missing or of other sources; the message names the command that builds it."""

@@ -14,20 +14,18 @@ from henon_ref.text import message
 
 _ERASED = "\r\x1b[2K"
 """Moves the cursor to the start of the line and erases the line."""
-PATIENCE = 1.0
+NOTICE_DELAY = 1.0
 """Delay before a notice is written [s]."""
 
 
 @contextmanager
-def notice_if_slow(work: str) -> Iterator[None]:
-    """Print on standard error (in a notebook: standard output) what is being done, such as ``compiling the system``, if
-    it takes more than a second.
-    """
+def notice_if_slow() -> Iterator[None]:
+    """Print on standard error (in a notebook: standard output) that a system is compiled, if it takes over a second."""
     if not is_watched():
         yield
         return
     stream = sys.stdout if in_notebook() else sys.stderr  # a notebook shows standard error as an error
-    timer = Timer(PATIENCE, lambda: print(f"henon_ref: {work}, once", file=stream, flush=True))
+    timer = Timer(NOTICE_DELAY, lambda: print("henon_ref: compiling the system, once", file=stream, flush=True))
     timer.daemon = True
     timer.start()
     try:
@@ -57,17 +55,8 @@ def is_terminal(stream: TextIO | None) -> bool:
 class Line:
     """Line that is updated in place, in a terminal or in a notebook; elsewhere nothing is shown.
 
-    It uses no thread, so that workers can be forked, and no notebook widgets.
-
-    Parameters
-    ----------
-    stream : TextIO, optional
-        None: the standard error stream at the time of each update.
-
-    Attributes
-    ----------
-    shown : bool
-        Whether the line is currently visible.
+    It uses no thread, so that workers can be forked, and no notebook widgets. ``stream``: None for the standard error
+    stream at the time of each update. :attr:`shown`: whether the line is currently visible.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:

@@ -31,8 +31,6 @@ def printable(text: str) -> str:
 
     Lone surrogates, which cannot be written to a file, become replacement characters; each other character a space.
 
-    Examples
-    --------
     >>> printable("no\\x1b[0m \\u202eway \\x9b1m"), printable("at \\udcff")
     ('no [0m  way  1m', 'at \\ufffd')
     """
@@ -50,8 +48,6 @@ def one_line(text: str) -> str:
 def short_line(text: str) -> str:
     """One line for a file of results, as an exact ``str`` of at most ``LONGEST_REASON`` characters.
 
-    Examples
-    --------
     >>> short_line("no\\r\\n\\tconvergence\\x1b[0m"), short_line("at \\udcff")
     ('no convergence [0m', 'at \ufffd')
     """
@@ -62,8 +58,6 @@ def short_line(text: str) -> str:
 def message(text: str) -> str:
     """One line for a terminal; the middle of a long line is left out.
 
-    Examples
-    --------
     >>> message("bad key\\n'\\x1b[31mred'"), len(message("x" * 60_000))
     ("bad key ' [31mred'", 2000)
     """
@@ -79,8 +73,6 @@ def markdown(text: str) -> str:
 
     Short code between backticks stays code; addresses become code, so that they are not links.
 
-    Examples
-    --------
     >>> markdown("a_b [x](http://a.b/c) <img src=x> `x = 1`")
     'a_b \\\\[x\\\\]\\\\(`http://a.b/c)` &lt;img src=x&gt; `x = 1`'
     >>> markdown("# one"), markdown("1. one"), markdown("_one_ $x$")
@@ -113,8 +105,6 @@ def paragraphs(text: str) -> str:
 def code(text: str) -> str:
     """A name as code, or as text if it contains characters that backticks cannot hold.
 
-    Examples
-    --------
     >>> code("scipy-rk45"), code("a`<b>")
     ('`scipy-rk45`', 'a\\\\`&lt;b&gt;')
     """
@@ -127,8 +117,6 @@ def html(text: str) -> str:
 
     Formula delimiters are in elements of their own, since formulas are not searched across elements.
 
-    Examples
-    --------
     >>> html("a <b> & $x$"), html("\\\\(x\\\\)")
     ('a &lt;b&gt; &amp; <span>$</span>x<span>$</span>', '<span>\\\\</span>(x<span>\\\\</span>)')
     """
@@ -138,8 +126,6 @@ def html(text: str) -> str:
 def link(address: str) -> str:
     """Return a plain web address unchanged, and other text by :func:`markdown`.
 
-    Examples
-    --------
     >>> link("https://doi.org/10.1/x(1)"), link("javascript:alert(1)"), link("http://a/![x](y)")
     ('https://doi.org/10.1/x(1)', 'javascript:alert(1)', '`http://a/![x](y)`')
     """
@@ -150,8 +136,6 @@ def link(address: str) -> str:
 def cell(text: str) -> str:
     """Text of a table cell that no spreadsheet takes as a formula; numbers stay unchanged, whatever their sign.
 
-    Examples
-    --------
     >>> cell("=1+1"), cell("-x"), cell("-1"), cell("s=-1")
     ("'=1+1", "'-x", '-1', 's=-1')
     """
@@ -176,8 +160,6 @@ def _is_number(text: str) -> bool:
 def spelled(name: str) -> str:
     """Return a name with its Greek letters spelled out.
 
-    Examples
-    --------
     >>> spelled("θ_1"), spelled("Δx"), spelled("v")
     ('theta_1', 'Deltax', 'v')
     """

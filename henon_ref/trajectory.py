@@ -151,18 +151,10 @@ class Stick:
 
 
 def sticks(transitions: Sequence[Event], *, start: float, after: float) -> tuple[Stick, ...]:
-    """Complete sticks of a sequence that end at ``after`` or later, in order of their ends.
+    """Complete sticks of a sequence that end at ``after`` [s] or later, in order of their ends.
 
-    A stick that the horizon cuts off is left out; a stick that the run starts in begins at ``start``.
-
-    Parameters
-    ----------
-    transitions : sequence of Event
-        In order of time.
-    start : float
-        Initial time [s].
-    after : float
-        Start of the measured window [s].
+    ``transitions`` are in order of time. A stick that the horizon cuts off is left out; a stick that the run starts in
+    begins at ``start`` [s], the initial time.
     """
     found: list[Stick] = []
     open_since: dict[int, int] = {}

@@ -61,7 +61,7 @@ def test_the_workflow_runs_the_command_with_options_that_there_are(steps):
     assert case_files(ROOT / cases.relative_to(clone))
 
 
-def test_every_option_on_the_page_is_one(capsys):
+def test_every_option_on_the_page_is_one():
     commands = map(typer.main.get_command, (compare_command.app, gate.app))
     options = {name for command in commands for parameter in command.params for name in parameter.opts}
     named = set(re.findall(r"--[a-z][a-z-]+", PAGE)) - {"--depth"}

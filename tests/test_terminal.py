@@ -14,10 +14,10 @@ from henon_ref import terminal
 def test_slow_work_is_told_of_once(
     watched: bool, seconds: float, lines: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(terminal, "PATIENCE", 0.05)
+    monkeypatch.setattr(terminal, "NOTICE_DELAY", 0.05)
     monkeypatch.setattr(terminal, "is_watched", lambda: watched)
     threads = threading.active_count()
-    with terminal.notice_if_slow("compiling the system"):
+    with terminal.notice_if_slow():
         time.sleep(seconds)
     assert capsys.readouterr().err == "henon_ref: compiling the system, once\n" * lines
     assert threading.active_count() == threads

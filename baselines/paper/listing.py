@@ -250,25 +250,10 @@ def run_variant(
     until: float = 70.0,
     path_from: float | None = None,
 ) -> VariantRun:
-    """Run the paper's program on Fig. 8 with some of its mistakes.
+    """Run the paper's program on Fig. 8 with some of its mistakes, named in :data:`DEFECTS`; KeyError for other names.
 
-    Parameters
-    ----------
-    defects : collection of str
-        Names of :data:`DEFECTS`.
-    step : float
-        Step h [s].
-    start : tuple of float, optional
-        Position and velocity at t = 0, in slip. Without it, the run starts in stick at [z(4), vp] as in the paper.
-    until : float
-        Horizon [s].
-    path_from : float, optional
-        Time from which the path is stored [s]. Without it, no path is stored.
-
-    Raises
-    ------
-    KeyError
-        If a defect is unknown.
+    ``step``: h [s]; ``start``: position and velocity at t = 0, in slip (None: in stick at [z(4), vp], as in the paper);
+    ``until``: horizon [s]; ``path_from``: time from which the path is stored [s] (None: no path).
     """
     numbers = fig8_numbers()
     changes = np.empty((20_000, 5))  # with more changes a run counts as chattering

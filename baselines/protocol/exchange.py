@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from time import monotonic, sleep
 from typing import IO
 
-from henon_ref.errors import ContractError, UnavailableError
+from henon_ref.errors import ContractError, DeadlineError, UnavailableError
 from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
 
@@ -29,10 +29,6 @@ WALL = 2.5
 """Largest wall time of a program, without its waiting for a processor, as a multiple of its limit of processor time."""
 OUTPUT = 64 * 2**20
 """Largest standard error of a program, and default limit of its standard output [bytes]."""
-
-
-class ProgramTimeoutError(ContractError):
-    """A program was stopped because it took too long."""
 
 
 class _Program(subprocess.Popen[bytes]):
@@ -83,7 +79,7 @@ def exchange(
     The streams are files, so that a full pipe cannot block the program. The command is started without a shell;
     ``environment`` are variables in addition to those of this process.
 
-    UnavailableError if the program does not exist; ProgramTimeoutError if it takes too long; ContractError if it
+    UnavailableError if the program does not exist; DeadlineError if it takes too long; ContractError if it
     writes too much, crashes, or ends with an exit status other than 0.
     """
     with tempfile.TemporaryFile() as source, tempfile.TemporaryFile() as output, tempfile.TemporaryFile() as errors:
@@ -105,7 +101,7 @@ def exchange(
                 os.killpg(process.pid, signal.SIGKILL)  # all processes of its session
             process.has_ended(0)
         if process.was_stopped(allowed):
-            raise ProgramTimeoutError(f"the program was stopped after {allowed:.0f} s of processor time")
+            raise DeadlineError(f"the program was stopped after {allowed:.0f} s of processor time")
         if process.returncode == 0:
             output.seek(0)
             return output.read()
@@ -152,7 +148,7 @@ def _wait(process: _Program, seconds: float, streams: Sequence[tuple[str, IO[byt
                 raise ContractError(f"the program wrote more than {most} bytes to its standard {stream}")
         if not ended:
             if monotonic() - began - waited_seconds(process.pid) > WALL * seconds:
-                raise ProgramTimeoutError(f"the program gave no response within {WALL * seconds:.3g} s")
+                raise DeadlineError(f"the program gave no response within {WALL * seconds:.3g} s")
             sleep(pause)
             pause = min(2 * pause, 0.02)
 

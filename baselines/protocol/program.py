@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from henon_ref.baselines.protocol.exchange import ProgramTimeoutError, exchange
+from henon_ref.baselines.protocol.exchange import exchange
 from henon_ref.baselines.protocol.messages import VERSION, Point, Request, Response
 from henon_ref.baselines.protocol.messages import Problem as ProblemText
 from henon_ref.baselines.protocol.messages import Transition as Event
@@ -116,14 +116,11 @@ class ProgramRun:
     def __call__(self) -> Trajectory:
         """Run once, in a new process.
 
-        ContractError if the program gives no valid response; UnsupportedError, UnavailableError if that is its status.
+        ContractError if the program gives no valid response (DeadlineError if it has to be stopped);
+        UnsupportedError, UnavailableError if that is its status.
         """
-        request, start = self.request, self.request.problem.start
-        self.wall_s = math.nan
-        try:
-            response = self._response(request)
-        except ProgramTimeoutError as error:
-            return Trajectory("timeout", (), start.time, tuple(start.state), (start.mode,), short_line(str(error)))
+        request, self.wall_s = self.request, math.nan
+        response = self._response(request)
         self.wall_s = response.wall_s[-1] if response.wall_s else math.nan
         found = trajectory(response, request, self._solver.landing)
         return found._replace(transitions=visible(self._problem.system, found.transitions))

@@ -23,7 +23,7 @@ from henon_ref.trajectory import Trajectory, Transition
 
 REPETITIONS, LONGEST = 3, 64
 """Repetitions of a pattern required at the end of a run; largest number of transitions of a pattern."""
-LAST = 100_000
+LAST_TRANSITIONS = 100_000
 """Number of transitions at the end of a run that are examined, which limits the memory."""
 
 
@@ -86,7 +86,7 @@ def periodic_orbit(
     run = prepared_run(problem, rtol=tolerance)()
     if run.status != "ok":
         raise OrbitError(f"the run towards the orbit ended {run.status}: {run.reason}")
-    run = run._replace(transitions=run.transitions[-LAST:])
+    run = run._replace(transitions=run.transitions[-LAST_TRANSITIONS:])
     late = float(problem.start) + 0.5 * (run.end_time - float(problem.start))
     _refuse_limits(problem, [t for t in run.transitions if t.time > late])
     if period is not None:

@@ -57,22 +57,12 @@ class StickZone:
 class TangentAnalysis:
     """Tangent points of one surface of a system.
 
-    Parameters
-    ----------
-    system : FilippovSystem
-        Parameters may be free symbols, and the field may contain undefined functions of one variable.
-    along : Expr
-        Coordinate z along the surface in time and states, such as ``x1 - A*sin(w*t)``: the state on the surface is a
-        function of z (and of time).
-    surface : int
-        Index of the surface.
-    z : Symbol
-        Symbol of the coordinate.
+    The parameters of ``system`` may be free symbols, and the field may contain undefined functions of one variable.
+    ``along`` is the coordinate z along the surface in time and states, such as ``x1 - A*sin(w*t)``: the state on the
+    surface is a function of z (and of time). ``surface`` is the index of the surface, ``z`` the symbol of the
+    coordinate.
 
-    Raises
-    ------
-    ModelError
-        If the surface and the coordinate do not determine the states on which the transition function depends.
+    ModelError if the surface and the coordinate do not determine the states on which the transition function depends.
     """
 
     def __init__(self, system: FilippovSystem, along: sp.Expr, surface: int = 0, z: sp.Symbol = _Z) -> None:

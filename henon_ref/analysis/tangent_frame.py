@@ -20,9 +20,9 @@ from henon_ref.trajectory import Status, Trajectory
 
 CONDITION = 1e5
 """Condition number of the frame at which it is orthonormalized."""
-TAKEN_BACK = 1e8
+MAX_CONDITION = 1e8
 """Condition number at which a stretch is repeated in shorter parts: the last growth has lost half its digits."""
-FIRST = 2.0**-20
+FIRST_STRETCH = 2.0**-20
 """First stretch as a part of the total time, before any growth is measured."""
 IDENTITY = 1e-8
 """Tolerance of the sum of logarithms, relative to the sum of the absolute values of all terms."""
@@ -61,12 +61,12 @@ class TangentFrame:
     def run(self, until: float) -> tuple[Status, str]:
         """Advance to a time."""
         flow = self.flow
-        self.ahead = self.ahead or FIRST * (until - flow.time)
+        self.ahead = self.ahead or FIRST_STRETCH * (until - flow.time)
         while flow.time < until:
             begin, saved, mode = flow.time, flow.saved(), flow.mode
             event = flow.advance(min(begin + self.ahead, until))
             condition, passed = self._condition(), flow.time - begin
-            if condition > TAKEN_BACK and begin + passed / 2 > begin:
+            if condition > MAX_CONDITION and begin + passed / 2 > begin:
                 flow.go_back(saved)
                 self.ahead = passed / 2
                 continue

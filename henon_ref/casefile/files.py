@@ -105,11 +105,8 @@ def case_files(path: Path) -> list[Path]:
 def read_yaml(path: str | Path, what: str = CASE) -> MappingNode:
     """Read a file whose top level is a mapping; ``what``: the kind of file, for messages.
 
-    Raises
-    ------
-    CaseError
-        With file, line and column, if it is not a regular file, too large, not UTF-8, not YAML, or has more than
-        one document, a duplicate key, a tag, a merge key, or too large an expansion of aliases.
+    CaseError with file, line and column, if it is not a regular file, too large, not UTF-8, not YAML, or has more than
+    one document, a duplicate key, a tag, a merge key, or too large an expansion of aliases.
     """
     return parse_yaml(_text_of(Path(path), what), file=str(path), what=what)
 

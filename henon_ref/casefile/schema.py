@@ -59,10 +59,10 @@ def _positive(value: Any) -> Decimal:
 
 
 def _tolerance(value: Any) -> float:
-    number = float(_decimal(value))
-    if not 1e-16 <= number < 1:
-        raise ValueError(f"a tolerance lies between 1e-16 and 1, not {number:g}")
-    return number
+    number = _decimal(value)
+    if not 1e-16 <= float(number) < 1:
+        raise ValueError(f"a tolerance lies between 1e-16 and 1, not {number:.6g}")
+    return float(number)
 
 
 def _text(value: Any) -> str:

@@ -14,7 +14,7 @@ from henon_ref.expressions.bounds import terms
 from henon_ref.expressions.grammar import ELEMENTARY
 from henon_ref.expressions.traversal import Rules, Walk, fold, is_longer
 
-PATIENCE = 400
+MAX_PROOF_OPERATIONS = 400
 """Largest number of operations for which a proof is tried, since algebra may not end; a quarter of it if the expression
 has symbols."""
 
@@ -29,8 +29,6 @@ def enclose(expression: sp.Expr, values: Mapping[sp.Symbol, arb] | None = None) 
     The expression has exact numbers, elementary functions, and symbols, with a ball for each in ``values``. ModelError
     if a symbol has no value, or a function has no version for balls.
 
-    Examples
-    --------
     >>> enclose(sp.sqrt(2) ** 2 - 1).contains(1)
     True
     """
@@ -92,17 +90,15 @@ def proves_zero(expression: sp.Expr) -> bool:
 
     False means that no proof was found, not that the expression differs from zero.
 
-    Examples
-    --------
     >>> z = 2 / sp.sqrt(3) * sp.sin(sp.pi / 18)  # the tangent point of Fig. 8, Eq. (24)
     >>> proves_zero(z**3 - z + sp.sqrt(3) / 9)
     True
     """
-    if terms(expression) <= PATIENCE:
+    if terms(expression) <= MAX_PROOF_OPERATIONS:
         expression = sp.expand(expression)
     if expression == 0 or simplified(expression) == 0:
         return True
-    patience = PATIENCE if expression.is_number else PATIENCE // 4
+    patience = MAX_PROOF_OPERATIONS if expression.is_number else MAX_PROOF_OPERATIONS // 4
     if is_longer(expression, patience):
         return False
     simple = sp.simplify(expression)

@@ -21,7 +21,7 @@ from henon_ref.enclosure.balls import enclose, proves_zero, sign_of
 from henon_ref.enclosure.consistency import EndedError
 from henon_ref.enclosure.enclosure import UNIT_BALL, UndecidedError
 from henon_ref.enclosure.model import SystemModel, solve_for_states
-from henon_ref.modes.cascade import MOST, acting_groups
+from henon_ref.modes.cascade import MAX_MAPS, acting_groups
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, Jump, impact_of, jump_of, kept_zero
 from henon_ref.text import listed
@@ -79,9 +79,9 @@ class ProvenMaps:
         """
         system = self.model.system
         resets, groups, names = system.resets, acting_groups(system), system.sign_names
-        if len(self.applied) >= MOST:
+        if len(self.applied) >= MAX_MAPS:
             which = listed([names[i] for i in sorted(set(self.applied))])
-            raise EndedError(f"more than {MOST} maps at one instant: resets of {which}", "none")
+            raise EndedError(f"more than {MAX_MAPS} maps at one instant: resets of {which}", "none")
         lowest = min(resets[i].priority for i in self.due)
         first, *others = sorted(i for i in self.due if resets[i].priority == lowest)
         if tied := [i for i in others if groups[i] == groups[first]]:

@@ -85,28 +85,12 @@ def certify(
 ) -> CertifiedRun:
     """Prove every transition of a problem, with enclosures of its time and state.
 
-    The precision is raised until every time is enclosed to ``radius``, or until the same transition stays undecided
-    at two precisions; ``reason`` then names the undecided question.
+    The precision is raised until every time is enclosed to ``radius`` [s], or until the same transition stays undecided
+    at two precisions; ``reason`` then names the undecided question. After ``deadline`` (wall time [s]) the run stops
+    with ``ended = "budget"`` and the part proven so far. It also stops so if its pace is far too low: the part of the
+    run covered by the steps after the first, for their processor time (:data:`LEAST_COVERED`).
 
-    Parameters
-    ----------
-    problem : Problem
-    radius : float
-        Required radius of every transition time [s].
-    progress : callable, optional
-    deadline : float, optional
-        Limit of the whole time [s of wall time], after which the run stops with ``ended = "budget"`` and the part
-        proven so far. The run also stops so if its pace is far too low: the part of the run covered by the steps after
-        the first, for their processor time (:data:`LEAST_COVERED`).
-
-    Returns
-    -------
-    CertifiedRun
-
-    Raises
-    ------
-    UnsupportedError
-        If too many contacts with static friction act on each other at once.
+    UnsupportedError if too many contacts with static friction act on each other at once.
     """
     until = None if deadline is None else clock.monotonic() + deadline
     model = SystemModel(problem.system)

@@ -62,8 +62,6 @@ def signed_form(expression: sp.Expr, still: Collection[sp.Symbol] = ()) -> tuple
     ``still``: parameters; a term's factors in these symbols alone are its coefficient. Factors in other symbols count
     if they are seen to be positive (``exp(x)``).
 
-    Examples
-    --------
     >>> v, b, m = sp.symbols("v b m", real=True)
     >>> form, sign = signed_form(v - b, {b, m})
     >>> [signed_form(e, {b, m}) == (form, sign) for e in (2 * v - 2 * b, sp.exp(v) * (v - b), m * (v - b))]
@@ -105,8 +103,6 @@ def expanded(expression: sp.Expr) -> sp.Expr:
 def coefficients(expression: sp.Expr, symbols: Collection[sp.Symbol]) -> dict[sp.Symbol, sp.Expr] | None:
     """Return the coefficients of the symbols in an expression; None if it is not written as linear in all of them.
 
-    Examples
-    --------
     >>> x, y, s, u = sp.symbols("x y s u")
     >>> coefficients(x - 2*s*(y + 1) + u, [s, u]) == {s: -2*(y + 1), u: 1}
     True

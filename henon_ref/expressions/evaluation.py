@@ -54,38 +54,22 @@ _SYMPY: dict[str, Callable[..., sp.Expr]] = {
 }
 
 
-def parse_expression(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
-    """Read a smooth expression, such as a component of a field.
+def parse_expression(written: Written, names: Mapping[str, sp.Expr]) -> sp.Expr:
+    """Read a smooth expression, such as a component of a field, exactly: ``0.1`` is ``Rational(1, 10)``.
 
-    Parameters
-    ----------
-    written : str or Expr
-        Numbers, ``pi``, ``e``, the names given, ``+ - * / ** ^`` (the last two both mean power) and
-        sin cos tan asin acos atan sinh cosh tanh exp log sqrt. Symbols of SymPy are matched by name.
-    names : mapping
-        Name -> real symbol or exact number.
-    work : Work, optional
-        Record of the work for the file that contains the expression.
-
-    Returns
-    -------
-    Expr
-        Exact: ``0.1`` is ``Rational(1, 10)``.
-
-    Raises
-    ------
-    ExpressionError
-        With the offset and the fault, and what is allowed.
+    ``written`` has numbers, ``pi``, ``e``, the names given (name -> real symbol or exact number), ``+ - * / ** ^`` (the
+    last two both mean power) and sin cos tan asin acos atan sinh cosh tanh exp log sqrt; symbols of SymPy are matched
+    by name. ExpressionError, with the offset and the fault, says what is allowed.
     """
-    return evaluated(written, names, Work() if work is None else work, SMOOTH)[0]
+    return evaluated(written, names, Work(), SMOOTH)[0]
 
 
-def parse_number(written: Written, names: Mapping[str, sp.Expr], work: Work | None = None) -> sp.Expr:
+def parse_number(written: Written, names: Mapping[str, sp.Expr]) -> sp.Expr:
     """Read an expression whose value is a number: a parameter, an initial value, a time.
 
     ``abs`` and ``atan2`` are allowed in addition; the value must be real and within the range of a double.
     """
-    return evaluated(written, names, Work() if work is None else work, NUMBER)[0]
+    return evaluated(written, names, Work(), NUMBER)[0]
 
 
 def read(written: Written, names: Mapping[str, object], work: Work, functions: Mapping[str, int]) -> Operation:

@@ -30,11 +30,11 @@ ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh
 """Functions of one argument that SymPy has as classes, by their names there; its square root is a power."""
 FUNCTIONS = (*ELEMENTARY, "sqrt")
 """Functions allowed in every expression, of one argument each."""
-MANY = 1_000
+ANY_NUMBER = 1_000
 """Stands for the arity of a function of two or more arguments."""
 CONSTANT_FUNCTIONS = {"abs": 1, "atan2": 2}
 """Function -> arity: functions also allowed in an expression whose value is a number (parameters, initial values)."""
-KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": MANY, "max": MANY, "piecewise": MANY}
+KINK_FUNCTIONS = {"abs": 1, "sign": 1, "min": ANY_NUMBER, "max": ANY_NUMBER, "piecewise": ANY_NUMBER}
 """Function -> arity: functions also allowed in fields, whose kinks and jumps become surfaces."""
 EULER = "e"
 CONSTANTS = ("pi", EULER)

@@ -14,9 +14,9 @@ import sympy as sp
 
 from henon_ref.errors import ExpressionError
 from henon_ref.expressions.grammar import (
+    ANY_NUMBER,
     LETTER,
     LOOKALIKES,
-    MANY,
     MAX_DEPTH,
     MAX_DIGITS,
     MAX_LENGTH,
@@ -242,8 +242,8 @@ def _check_arguments(function: _Token, arity: int, count: int) -> None:
             "as in piecewise(1, x < 0, 2)",
             function.offset,
         )
-    if count < (2 if arity == MANY else arity):
-        several = "two arguments or more" if arity == MANY else f"{arity} arguments"
+    if count < (2 if arity == ANY_NUMBER else arity):
+        several = "two arguments or more" if arity == ANY_NUMBER else f"{arity} arguments"
         raise ExpressionError(f"'{function.text}' takes {several}", function.offset)
 
 

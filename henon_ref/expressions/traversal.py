@@ -38,8 +38,6 @@ def fold(expression: sp.Expr, rules: Rules[T], known: dict[Any, T]) -> T:
 
     ``known``: results for symbols or larger parts; new results are added, for reuse with the next expression.
 
-    Examples
-    --------
     >>> x = sp.Symbol("x")
     >>> rules = Rules(
     ...     number=lambda e: 0,

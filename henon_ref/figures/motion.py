@@ -215,7 +215,7 @@ def _draw_pieces(axes: Axes, motion: Motion, plane: _Plane, own: dict[str, Any])
     return sorted(seen.values(), key=lambda entry: (entry[0] == "stick", entry[0]))
 
 
-def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane, own_colour: Any = None) -> None:
+def _draw_arrows(axes: Axes, motion: Motion, plane: _Plane, own_colour: Any) -> None:
     """Draw the direction of motion in the middle of the longest piece of every kind of slip."""
     longest: dict[str, slice] = {}
     for label, piece in plane.pieces(motion.modes):

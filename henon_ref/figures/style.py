@@ -99,8 +99,6 @@ def lines_of(solvers: Iterable[str]) -> dict[str, Line]:
     A variant (``+numba``, ``@offset``) has the colour and marker of its solver, and its own dashes. The style of a
     third-party solver is derived from its name: it is the same in all figures unless another solver has taken it.
 
-    Examples
-    --------
     >>> lines_of(["henon"])["henon"].marker
     'o'
     """
@@ -227,8 +225,6 @@ def with_description(svg: str, title: str, description: str) -> str:
 
     The ids of the elements are derived from their text, so that two figures in one page do not share them.
 
-    Examples
-    --------
     >>> print(with_description('<svg width="1">\\n</svg>', "A < B", "Of A and B."))
     <svg role="img" aria-labelledby="title-c3ee58ff desc-c3ee58ff" width="1">
     <title id="title-c3ee58ff">A &lt; B</title>
@@ -247,8 +243,6 @@ def with_description(svg: str, title: str, description: str) -> str:
 def power_of_ten(value: float) -> str:
     """Return a power of ten as text.
 
-    Examples
-    --------
     >>> power_of_ten(1e-12), power_of_ten(1.0)
     ('10⁻¹²', '1')
     """
@@ -260,8 +254,6 @@ def power_of_ten(value: float) -> str:
 def time_text(seconds: float) -> str:
     """Return a time with two digits, in a suitable unit.
 
-    Examples
-    --------
     >>> [time_text(10.0**k) for k in range(-7, 3)]
     ['0.1 µs', '1 µs', '10 µs', '0.1 ms', '1 ms', '10 ms', '0.1 s', '1 s', '10 s', '100 s']
     >>> time_text(1.37e-4), time_text(0.0), time_text(2e-9), time_text(2345.0)

@@ -49,7 +49,7 @@ def draw_cost(rows: Sequence[RunRow], expected: Expected, *, of: str = "") -> Fi
         style.decades(axes.xaxis, style.time_text)
         style.decades(axes.yaxis)
         ordered = sorted(tips, key=lambda solver: -tips[solver][1])
-        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.052)
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], gap=0.052)
         axes.set_xlabel("wall time of one run, median")
         axes.set_ylabel("worst error of a transition time [s]")
         axes.set_title(f"{COST}: {one_line(of)}" if of else COST, parse_math=False, pad=20)
@@ -109,7 +109,7 @@ def _cost_description(tips: Mapping[str, NDArray[np.float64]]) -> str:
     )
 
 
-LEAST = 1e-18
+LOWEST_ERROR = 1e-18
 """Errors below this value, and zero errors, are drawn at the lower edge [s]."""
 
 
@@ -170,7 +170,7 @@ def draw_errors(runs: Sequence[tuple[RunRow, Sequence[TransitionRow]]], expected
         figure.text(0.02, 0.015, notes, va="bottom", fontsize=7.0, color=style.GREY)
         style.decades(axes.yaxis)
         labels = [(curve.label, lines[curve.run.solver]) for curve in curves]
-        label_column(axes, labels, x=1.045, gap=0.055, ends=[max(curve.last, lowest) for curve in curves])
+        label_column(axes, labels, gap=0.055, ends=[max(curve.last, lowest) for curve in curves])
         axes.set_xlabel("time of the transition [s]")
         axes.set_ylabel("largest error of a transition time up to t [s]")
         axes.set_title(ERRORS)
@@ -179,15 +179,15 @@ def draw_errors(runs: Sequence[tuple[RunRow, Sequence[TransitionRow]]], expected
 
 
 def _error_limits(curves: Sequence[Curve], expected: Expected) -> tuple[float, float]:
-    """Return limits of whole decades around the final errors, not below the radius of the truth or ``LEAST``."""
+    """Return limits of whole decades around the final errors, not below the radius of the truth or ``LOWEST_ERROR``."""
     ends = np.array([curve.last for curve in curves if curve.errors.size])
-    seen = ends[ends > max(LEAST, expected.radius)]
+    seen = ends[ends > max(LOWEST_ERROR, expected.radius)]
     if not seen.size:
-        return LEAST, 1e-12
+        return LOWEST_ERROR, 1e-12
     least = seen.min() / 100  # two decades below the smallest final error
     if seen.size < ends.size:  # a curve with zero error at the lower edge must not look like one with an error
         least = min(least, float(np.spacing(abs(expected.end_time))) / 8)
-    return max(float(10 ** np.floor(np.log10(least))), LEAST), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
+    return max(float(10 ** np.floor(np.log10(least))), LOWEST_ERROR), float(10 ** np.ceil(np.log10(seen.max()) + 0.1))
 
 
 def _draw_curve(axes: Axes, line: style.Line, curve: Curve, lowest: float, *, shift: float, last: float) -> None:
@@ -248,25 +248,26 @@ def _notes(curves: Sequence[Curve], expected: Expected, lowest: float, last: flo
     return "\n".join(";   ".join(notes[k : k + 2]) for k in range(0, len(notes), 2))
 
 
+COLUMN = 1.045
+"""Place of the left edge of a column of labels, as a fraction of the width of the axes."""
 SAMPLE = 22.0
 """Length of the sample of a line [pt]."""
 
 
 def label_column(
-    axes: Axes, labels: Sequence[tuple[str, style.Line]], *, x: float, gap: float, ends: Sequence[float] = ()
+    axes: Axes, labels: Sequence[tuple[str, style.Line]], *, gap: float, ends: Sequence[float] = ()
 ) -> None:
     """Draw a column of labels to the right of the axes, from top to bottom.
 
-    The column begins at ``x``, as a fraction of the width of the axes. The distance of two labels is ``gap``, as a
-    fraction of the height, or less if there are many labels. ``ends`` are the final values of the curves in data
-    coordinates; limits and scales must be set before. With ``ends``, labels are ordered by these values and placed as
-    near to them as possible, and a thin line in the margin connects each label with the end of its curve. These lines
-    cross neither the curves nor each other.
+    The distance of two labels is ``gap``, as a fraction of the height of the axes, or less if there are many labels.
+    ``ends`` are the final values of the curves in data coordinates; limits and scales must be set before. With
+    ``ends``, labels are ordered by these values and placed as near to them as possible, and a thin line in the margin
+    connects each label with the end of its curve. These lines cross neither the curves nor each other.
     """
     from matplotlib.lines import Line2D
 
     point, gap = _point(axes), min(gap, 1.0 / max(len(labels), 1))
-    along = [x + part * SAMPLE * point for part in (0.0, 0.5, 1.0)]
+    along = [COLUMN + part * SAMPLE * point for part in (0.0, 0.5, 1.0)]
     place: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False}
     order = sorted(range(len(labels)), key=lambda k: -ends[k]) if ends else range(len(labels))
     level, height = 1.0, 1.0 + gap / 2
@@ -277,21 +278,21 @@ def label_column(
             level = min(max(float(place_of_end[1]), 0.0), 1.0)
         height = max(min(level, height - gap), (len(labels) - row - 0.5) * gap)  # leaves room for the labels below
         if ends:
-            way = [1.005, x - 2 * point], [level, height]
+            way = [1.005, COLUMN - 2 * point], [level, height]
             axes.add_artist(Line2D(*way, lw=0.5, alpha=0.7, color=line.colour, zorder=1, **place))
         drawn: dict[str, Any] = {"ls": line.dashes, "lw": line.width, "marker": line.marker, "ms": 4.0}
         axes.add_artist(Line2D(along, [height] * 3, markevery=[1], color=line.colour, **drawn, **place))
-        text, size = _fitted(axes, one_line(label), x)
-        at = x + (SAMPLE + 4) * point
+        text, size = _fitted(axes, one_line(label))
+        at = COLUMN + (SAMPLE + 4) * point
         axes.text(at, height, text, parse_math=False, va="center", fontsize=size, transform=axes.transAxes)
 
 
-def _fitted(axes: Axes, label: str, x: float) -> tuple[str, float]:
+def _fitted(axes: Axes, label: str) -> tuple[str, float]:
     """Fit a label into the figure by a smaller font, and by truncation if necessary; return text and size [pt]."""
     largest, smallest = 8.0, 6.0
     letter = 0.62  # assumed width, slightly above the average [em]
     place = axes.get_position()
-    room = ((1.0 - place.x0) / place.width - x) / _point(axes) - SAMPLE - 6
+    room = ((1.0 - place.x0) / place.width - COLUMN) / _point(axes) - SAMPLE - 6
     most = int(room / (letter * smallest))
     text = label if len(label) <= most else f"{label[: most - 1]}…"
     return text, min(largest, room / (letter * len(text)))

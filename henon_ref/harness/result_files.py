@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -35,8 +36,6 @@ def rows_text(kind: type[AnyRow], rows: Iterable[AnyRow], states: Sequence[str] 
 def csv_field(value: object) -> str:
     """Write one value: floats with the fewest digits that read back the same, missing values empty.
 
-    Examples
-    --------
     >>> csv_field(1e-12), csv_field(3), csv_field(None), csv_field(float("nan")), csv_field("ok")
     ('1e-12', '3', '', '', 'ok')
     >>> csv_field(-1), csv_field("-1"), csv_field("=A1")
@@ -57,16 +56,18 @@ class TableError(ValueError):
         self.line, self.column = line, column
 
 
+def refuse_pipe(path: Path) -> None:
+    """Raise OSError if a file to be read is a named pipe, which would be waited for."""
+    if path.is_fifo():
+        raise OSError(errno.EINVAL, "this is a named pipe", str(path))
+
+
 def read_rows(kind: type[AnyRow], path: Path) -> list[AnyRow]:
     """Read the rows of a result file; columns that are not fields are states, or ignored.
 
-    Raises
-    ------
-    OSError, UnicodeDecodeError
-        If the file cannot be read.
-    TableError
-        If the file is not a valid result file of this kind.
+    OSError or UnicodeDecodeError if the file cannot be read, TableError if it is not a valid result file of this kind.
     """
+    refuse_pipe(path)
     with path.open(encoding="utf-8-sig", newline="") as file:
         lines = list(file)
     reader, rows = csv.reader(lines, strict=True), []

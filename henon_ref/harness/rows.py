@@ -156,8 +156,6 @@ class RunRow(ReadingRow):
     def label(self) -> str:
         """Solver and setting in messages.
 
-        Examples
-        --------
         >>> RunRow("fig8", "default", "henon", rtol=1e-9).label, RunRow("fig8", "default", "rk4", step_s=0.01).label
         ('henon (rtol 1e-09)', 'rk4 (step 0.01 s)')
         """

@@ -32,8 +32,6 @@ class Table:
     def text(self) -> str:
         """Lines of plain columns; the cells are text, shown without control characters.
 
-        Examples
-        --------
         >>> print(Table(("solver", "digits"), "lr", [("henon", "15.9"), ("ida", "8")]).text)
         solver  digits
         henon     15.9
@@ -58,8 +56,6 @@ class Table:
 def duration(seconds: object) -> str:
     """Format a wall time with three digits and a unit.
 
-    Examples
-    --------
     >>> duration(3.456e-4), duration(0.0123), duration(12.0), duration(None)
     ('0.346 ms', '12.3 ms', '12 s', '')
     """
@@ -75,8 +71,6 @@ def duration(seconds: object) -> str:
 def significant(value: float, places: int = 3) -> str:
     """Round a number to significant places, without an exponent if it is neither large nor small.
 
-    Examples
-    --------
     >>> significant(0.34567), significant(1234.5), significant(12.0), significant(0.000001234)
     ('0.346', '1230', '12', '1.23e-6')
     """
@@ -93,8 +87,6 @@ def significant(value: float, places: int = 3) -> str:
 def exponential(value: float, places: int = 2) -> str:
     """Format a number in scientific notation, without leading zeros in the exponent.
 
-    Examples
-    --------
     >>> exponential(1.234e-13), exponential(-5e-5), exponential(1e-6, 1)
     ('1.2e-13', '-5.0e-5', '1e-6')
     """
@@ -105,8 +97,6 @@ def exponential(value: float, places: int = 2) -> str:
 def error(value: object, floor: float = 0.0) -> str:
     """Format a time error [s]; an error below ``floor`` is shown as a bound.
 
-    Examples
-    --------
     >>> error(3.21e-13), error(1e-40, 1e-30), error(0.0), error(None)
     ('3.2e-13', '< 1e-30', '0', '')
     """
@@ -120,8 +110,6 @@ def error(value: object, floor: float = 0.0) -> str:
 def digits(value: float | None) -> str:
     """Format a number of digits, rounded down.
 
-    Examples
-    --------
     >>> digits(11.99996), digits(9.0), digits(-0.04), digits(None)
     ('11.9', '9', '-0.1', '')
     """
@@ -131,8 +119,6 @@ def digits(value: float | None) -> str:
 def setting(rtol: object, step: object) -> str:
     """Format the tolerance or step of a run.
 
-    Examples
-    --------
     >>> setting(1e-9, None), setting(None, 0.0001)
     ('1e-9', 'h = 0.0001 s')
     """
@@ -144,8 +130,6 @@ def setting(rtol: object, step: object) -> str:
 def listing(items: Sequence[str]) -> str:
     """Join items to a phrase.
 
-    Examples
-    --------
     >>> listing(["a"]), listing(["a", "b"]), listing(["a", "b", "c"])
     ('a', 'a and b', 'a, b and c')
     """
@@ -155,8 +139,6 @@ def listing(items: Sequence[str]) -> str:
 def count(number: int, noun: str) -> str:
     """Format a number with its noun.
 
-    Examples
-    --------
     >>> count(1, "transition"), count(2, "transition"), count(0, "crossing")
     ('1 transition', '2 transitions', 'no crossings')
     """

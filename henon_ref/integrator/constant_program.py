@@ -122,17 +122,10 @@ class ConstantProgram:
         return signs
 
     def registers(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Run the program at points.
+        """Run the program at points, exact doubles (points, inputs) or pairs of doubles (points, inputs, 2).
 
-        Parameters
-        ----------
-        values : ndarray, shape (points, inputs) or (points, inputs, 2)
-            Exact doubles, or pairs of doubles (:mod:`henon_ref.integrator.pairs`).
-
-        Returns
-        -------
-        ndarray, shape (points, registers, 3)
-            Each number as a pair of doubles and a bound of its error; infinite or NaN if not finite.
+        Returns each number as a pair of doubles (:mod:`henon_ref.integrator.pairs`) and a bound of its error, infinite
+        or NaN if not finite, shape (points, registers, 3).
         """
         found = np.empty((len(values), *self._registers.shape))
         found[:] = self._registers
@@ -268,10 +261,7 @@ def _three(value: arb) -> tuple[float, float, float]:
 def constant_program(symbols: Sequence[sp.Symbol], expressions: Sequence[sp.Expr]) -> ConstantProgram:
     """Return expressions in given symbols as a program.
 
-    Raises
-    ------
-    ModelError
-        If an expression contains a function not in :data:`NAMES`, another symbol, or a number that is not finite.
+    ModelError if one contains a function not in :data:`NAMES`, another symbol, or a number that is not finite.
     """
     return ProgramWriter(symbols).program(expressions)
 

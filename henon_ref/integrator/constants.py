@@ -180,15 +180,10 @@ class ModeConstants:
         return program.of(numbers)
 
     def start(self, workspace: Workspace, template: Any, numbers: Sequence[Pair]) -> list[int] | None:
-        """Write a start into the block of a run (``start_run`` of ``kernel/start.c``).
+        """Write a start into a run's block (``start_run`` of ``kernel/start.c``); None if it is clear of all surfaces.
 
-        ``numbers``: horizon, initial time and states.
-
-        Returns
-        -------
-        list of int or None
-            None if the start is clearly off all surfaces and the run is in its mode. Otherwise the signs of the
-            surfaces, then of the ``valid`` expressions; UNCLEAR_SIGN for one that double-double does not decide.
+        The run is then in its mode. Otherwise return the signs of the surfaces, then of the ``valid`` expressions;
+        UNCLEAR_SIGN for one that double-double does not decide. ``numbers``: horizon, initial time and states.
         """
         programs, compiled, room = self.programs, self.programs.start.alone, workspace.start_room
         program, packed = compiled.program if compiled else ffi.NULL, programs.pack(*chain(*numbers), *self.values)

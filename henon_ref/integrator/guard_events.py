@@ -15,7 +15,7 @@ from henon_ref.integrator.multiprecision_roots import (
     RELATIVE_ZERO,
     ZERO,
     What,
-    bernstein_on,
+    bernstein_up_to,
     first_event_of,
     fixed,
     leading_term,
@@ -71,7 +71,7 @@ class GuardSeries:
 
     def positive(self, place: int) -> bool:
         """Whether its Bernstein coefficients show that it is positive up to slightly beyond a place."""
-        return min(bernstein_on(self.q, 0, min(ONE, place + (place >> 30) + 1))) > CLEARANCE * ZERO
+        return min(bernstein_up_to(self.q, min(ONE, place + (place >> 30) + 1))) > CLEARANCE * ZERO
 
     def around(self, place: int) -> list[float]:
         """Return its Taylor coefficients at a place."""

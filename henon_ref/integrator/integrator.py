@@ -90,21 +90,14 @@ def run_template(
     stop_falling: int = 0,
     stop_rising: int = 0,
     most_steps: int = MOST_STEPS,
+    stepping: int = kernel.ALONE,
 ) -> Any:
     """Return a :attr:`Start.block`, in doubles, without numbers and mode.
 
-    Parameters
-    ----------
-    sizes : tuple of int
-        :attr:`ModeTable.sizes`.
-    tolerance : float
-        Local error of a step, relative to the size of each state and guard on the step.
-    landing : int
-        HENON, NEWTON or BRENT of ``kernel.h``.
-    stop_falling, stop_rising : int
-        Surfaces, a bit each (1 << index), on which the run ends if their expression falls (rises) to zero.
-    most_steps : int
-        Steps after which the run ends with status ``failed``.
+    ``sizes``: :attr:`ModeTable.sizes`; ``tolerance``: local error of a step, relative to the size of each state and
+    guard on the step; ``landing``: HENON, NEWTON or BRENT of ``kernel.h``; ``stop_falling``, ``stop_rising``: surfaces,
+    a bit each (1 << index), on which the run ends if their expression falls (rises) to zero; ``most_steps``: steps
+    after which the run ends with status ``failed``; ``stepping``: ALONE or TOGETHER.
     """
     state = np.zeros(kernel.places_of(*sizes).end_of_state)
     run = ffi.cast("struct run *", doubles(state))
@@ -112,7 +105,7 @@ def run_template(
     state[len(state) - run.guards :] = np.inf
     run.event_time, run.tolerance, run.method = -np.inf, tolerance, landing
     run.rest_part, run.more_digits, run.stepped_mode, run.transition_capacity = REMAINING, 1, -1, CHUNK
-    run.stop_falling, run.stop_rising, run.most_steps = stop_falling, stop_rising, most_steps
+    run.stop_falling, run.stop_rising, run.most_steps, run.stepping = stop_falling, stop_rising, most_steps, stepping
     return doubles(state)
 
 
@@ -134,6 +127,8 @@ class Integrator:
         self.programs = ParameterPrograms(self.mode_table)
         self.constants = lru_cache(maxsize=64)(self._constants)
         """Constants of the compiled modes at values of :attr:`parameters`."""
+        self.steps_of_points = 0
+        """Number of steps of :class:`henon_ref.integrator.points.PointRuns` in compiled code."""
         self.free: list[Workspace] = []
         """Unused memory for runs: see :meth:`workspace`."""
 
@@ -178,28 +173,14 @@ class Integrator:
     ) -> Start:
         """Return the start of a run, in microseconds if it is clearly off every surface.
 
-        Numbers are int, Fraction, exact SymPy numbers, or float (the decimal number that Python prints for it).
+        Numbers are int, Fraction, exact SymPy numbers, or float (the decimal number that Python prints for it):
+        ``values`` of :attr:`parameters`, in their order, the state at the start ``initial``, shape (n,), the initial
+        time ``start`` and the horizon ``until`` [s]. ``mode``: surface -> -1, 0 or +1, for a start on a surface from
+        which several motions are possible. ``held``: surfaces that held before; the state counts as on them if it is
+        off them by no more than an error (:data:`RUN_ERROR`). ``settings``: ``tolerance``, ``landing`` and others of
+        :func:`run_template`.
 
-        Parameters
-        ----------
-        values : tuple of number
-            Values of :attr:`parameters`, in their order.
-        initial : sequence of number, shape (n,)
-            State at the start.
-        start, until : number
-            Initial time and horizon [s].
-        mode : mapping, optional
-            Surface -> -1, 0 or +1, for a start on a surface from which several motions are possible.
-        held : sequence of int
-            Surfaces that held before: the state counts as on them if it is off them by no more than an error
-            (:data:`RUN_ERROR`).
-        **settings
-            ``tolerance``, ``landing`` and others of :func:`run_template`.
-
-        Raises
-        ------
-        ModelError
-            If the system has other values of its parameters, or no program evaluates an expression in them.
+        ModelError if the system has other values of its parameters, or no program evaluates an expression in them.
         """
         numbers = tuple(map(pair_of_exact, (until, start, *initial)))
         template, point = run_template(self.mode_table.sizes, **settings), (start, *initial)

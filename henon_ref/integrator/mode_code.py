@@ -27,12 +27,15 @@ if TYPE_CHECKING:
 MOST_WATCHED = 200
 """Largest number of operations of the guards beyond those of the field (such as a long expression whose extremes a
 sweep locates) for which the code is fully optimized; for more, optimizing takes longer than most runs."""
-LARGE = 200
+LARGE_TAPE = 200
 """Number of operations above which the code consists of loops over equal operations
 (:mod:`henon_ref.taylor.llvm.looped`), because the compile time of straight-line code grows quadratically. For 40 masses
 with one contact (243 operations) loops compile in 2.2 s instead of 6.9 s and a run takes 1.07 times as long; for 4
 blocks with friction (88) a run takes twice as long; for 16 blocks (388) equally long."""
 
+MOST_IN_LANES = 100
+"""Largest number of operations for which the code of several expansions at once is compiled: at an order of 16 this
+takes 0.04 s for 9 operations and 0.14 s for 24."""
 MOST_OPERATIONS = 200
 """Largest tape that compiled code evaluates in double-double; for larger tapes multiprecision is about as fast."""
 _KINDS: dict[str, int] = {
@@ -65,6 +68,11 @@ class ModeCode:
         """Tapes whose constants the compiled loop reads, in its order; their number is the same for all modes."""
         return (self.expansion, self.probe, *([] if self.jumps is None else [self.jumps]))
 
+    def lanes(self, order: int) -> NativeModule | None:
+        """Machine code ``lanes`` of several expansions at once; None if it would be too long to compile."""
+        tape = self.expansion.tape
+        return None if len(tape.nodes) > MOST_IN_LANES else machine_code(Part("lanes", (tape, len(tape.field), order)))
+
     @property
     def fields(self) -> dict[str, int]:
         """Values of the fields of a mode's record (``struct mode``) that depend on the code."""
@@ -82,14 +90,9 @@ class ModeCode:
 
 
 def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: frozenset[int] = frozenset()) -> ModeCode:
-    """Compile the code of all modes with the same equations as ``mode``.
+    """Compile the code of all modes with the same equations as ``mode``; ModelError if the mode has no equations.
 
     ``passed``: surfaces whose normal velocity is taken in the mode, with other surfaces sliding.
-
-    Raises
-    ------
-    ModelError
-        If the mode has no equations.
     """
     key, equations = system.common_equations(mode)
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
@@ -133,11 +136,10 @@ def _mode_code(
     system: FilippovSystem, order: int, expansion: Tape, probe: Tape, entries: tuple[Entries, ...]
 ) -> ModeCode:
     n, nodes = len(system.states), expansion.nodes
-    degrees = [*(nodes[row].degree + 1 for row in expansion.field), *(nodes[row].degree for row in expansion.outputs)]
-    degree = max(degrees) if max(degrees) <= order else 0
+    degree = expansion.degree if expansion.degree <= order else 0
     field_branches = _has_branch_points(expansion, expansion.field)
     guards_branch = tuple(_has_branch_points(expansion, [row]) for row in expansion.outputs)
-    large, not_watched = len(nodes) > LARGE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
+    large, not_watched = len(nodes) > LARGE_TAPE, len(nodes) <= len(expansion.needed(expansion.field)) + MOST_WATCHED
     loops = "looped " if large else ""
     parts = [
         Part(f"{loops}expansion", (expansion, n, order, "expansion")),
@@ -148,7 +150,7 @@ def _mode_code(
     ]
     code = machine_code(*parts, optimised=large or not_watched, simplified=not_watched and not large)
     tapes = ModeTape(expansion, entries), ModeTape(probe, entries)
-    program = tape_program(expansion, max(degrees))
+    program = tape_program(expansion)
     return ModeCode(*tapes, code, degree, field_branches, guards_branch, program)
 
 
@@ -157,11 +159,8 @@ def _has_branch_points(tape: Tape, rows: Iterable[int]) -> bool:
     return any(tape.nodes[at].op in ("sqrt", "power", "asin", "acos") for at in tape.needed(rows))
 
 
-def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
-    """Encode a tape for evaluation in double-double (``struct tape`` of ``kernel.h``); None if not supported.
-
-    ``degree``: degree of states and outputs if they are polynomials in time, otherwise INFINITE.
-    """
+def tape_program(tape: Tape) -> NDArray[np.int64] | None:
+    """Encode a tape for evaluation in double-double (``struct tape`` of ``kernel.h``); None if not supported."""
     large = len(tape.field) + len(tape.outputs) > kernel.PAIR_ROWS or len(tape.nodes) > MOST_OPERATIONS
     if large or any(node.op not in _KINDS for node in tape.nodes):
         return None
@@ -172,7 +171,8 @@ def tape_program(tape: Tape, degree: int) -> NDArray[np.int64] | None:
         if isinstance(rule, IntegralOfProduct | IntegralOfQuotient):
             second, sign, divides = rule.place(at, node.args), rule.sign, int(isinstance(rule, IntegralOfQuotient))
         operations += [_KINDS[node.op], first, second, *(*node.constants, 0, 0)[:2], sign, divides, node.degree]
-    head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree if degree < INFINITE else 0
+    degree = tape.degree if tape.degree < INFINITE else 0
+    head = len(tape.nodes), len(tape.constants), len(tape.field), len(tape.outputs), degree
     return np.array([*head, *operations, *tape.field, *tape.outputs], dtype=np.int64)
 
 

@@ -25,6 +25,7 @@ from henon_ref.integrator.mode_code import (
     switched_mode_code,
 )
 from henon_ref.integrator.records import mode_dtype, packed, unpacked
+from henon_ref.jit.native_module import NativeModule
 from henon_ref.jit.processor_time import compiling
 from henon_ref.kernel.library import kernel
 from henon_ref.modes.contact_loops import guard_count
@@ -80,6 +81,8 @@ class ModeTable:
         self.compiled = CompiledModes(np.zeros(0, dtype=mode_dtype(self.most_guards)), no_sources, 0)
         """Replaced as a whole by each new row. An older snapshot refers only to modes that it contains."""
         self._codes: dict[Mode | frozenset[int], ModeCode] = {}
+        self._in_lanes: list[NativeModule] | None = None
+        """Code of several expansions at once; None if it is not compiled."""
         if surfaces == 1:
             for mode in ((-1,), (1,), (0,)):
                 self.row(mode)
@@ -101,6 +104,25 @@ class ModeTable:
         if self.contacts:
             return packed(mode) if all(self._row(same) is not None for same in self._uniform) else None
         return self._row(mode)
+
+    def compile_lanes(self) -> bool:
+        """Compile the code of several expansions at once (``lanes`` of ``struct mode``), also for modes added later.
+
+        Return whether some mode has such code. Runs in progress use it from their next step on.
+        """
+        if self._in_lanes is None:
+            with one_at_a_time(), compiling():
+                self._in_lanes = []
+                self.compiled.records["mode"]["lanes"] = [self._lanes(code) for code in self.codes]
+        return bool(self._in_lanes)
+
+    def _lanes(self, code: ModeCode) -> int:
+        """Return the address of this code of a mode, 0 if there is none."""
+        made = None if self._in_lanes is None else code.lanes(self.order)
+        if self._in_lanes is None or made is None:
+            return 0
+        self._in_lanes.append(made)
+        return made.address("lanes")
 
     def knows(self, mode: Mode) -> bool:
         """Whether a mode is compiled."""
@@ -276,6 +298,7 @@ class ModeTable:
         own, records = found[0]["mode"], found[0]["guards"]
         for name, value in code.fields.items():
             own[name] = value
+        own["lanes"] = self._lanes(code)
         if len(mode) <= kernel.MOST_SURFACES:  # the number fits into a machine integer
             own["number"], own["surfaces"] = mode_number(mode), len(mode)
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
@@ -296,8 +319,8 @@ class ModeTable:
             record["coupled"] = kernel.RESETTING if resets else coupled
             # Filippov's release is tangent (h = h' = 0), an override's need not be; a lift-off has more zeros.
             if guard.kind == "release":
-                tangent = 0 if guard.index in system.overrides else 2
-                record["zeros_at_release"] = -1 if guard.index in system.resets else tangent
+                tangent = 0 if guard.index in system.overrides and not system.rests(guard.index) else 2
+                record["zeros_at_release"] = -max(tangent, 1) if guard.index in system.resets else tangent
             if self.contacts and guard.ends is None:
                 record["mode_across"], record["mode_stuck"] = 1 + guard.to_sign, -1 if record["kink"] else 1
         return found

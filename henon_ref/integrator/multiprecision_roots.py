@@ -165,9 +165,9 @@ def first_falling_root(q: Fixed) -> tuple[Literal["none", "root", "touch"], int,
     return "none", 0, 0
 
 
-def bernstein_on(q: Fixed, low: int, high: int) -> list[int]:
-    """Return the Bernstein coefficients of a polynomial on [low, high]."""
-    return bernstein(_piece(arb_poly([arb(c) / ONE for c in q]), low, high))
+def bernstein_up_to(q: Fixed, place: int) -> list[int]:
+    """Return the Bernstein coefficients of a polynomial on [0, place]."""
+    return bernstein(_piece(arb_poly([arb(c) / ONE for c in q]), 0, place))
 
 
 def _piece(whole: arb_poly, low: int, high: int) -> list[int]:

@@ -24,8 +24,6 @@ def pair_of(value: Any) -> Pair | None:
 
     A float stands for the decimal number that Python prints.
 
-    Examples
-    --------
     >>> pair_of(3), pair_of(0.5), pair_of(0.1), pair_of("1/3"), pair_of(float("nan"))
     ((3.0, 0.0), (0.5, 0.0), (0.1, -5.551115123125783e-18), None, None)
     >>> from fractions import Fraction
@@ -62,10 +60,7 @@ def exact_expression(value: Any) -> sp.Expr:
 def pair_of_exact(value: Any) -> Pair:
     """Return a number as a pair; unlike :func:`pair_of`, also an exact SymPy number.
 
-    Raises
-    ------
-    ModelError
-        If the value is not a finite real number.
+    ModelError if the value is not a finite real number.
     """
     found = None if isinstance(value, sp.Expr) else pair_of(value)
     return double_double(exact_expression(value)) if found is None else found

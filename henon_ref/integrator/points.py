@@ -27,14 +27,19 @@ from henon_ref.kernel.library import doubles, ffi, integers, kernel, record_dtyp
 from henon_ref.modes.mode import Mode
 from henon_ref.trajectory import Status, Trajectory
 
-PROGRESS, END = record_dtype("progress"), record_dtype("end")
-"""Records of the progress of a call that runs many points, and of the end of one run."""
+END = record_dtype("end")
+"""Record of the end of a run."""
 AT_ONCE = 4096
 """Largest number of points whose constants are in memory at once."""
 MEMORY = 1 << 26
 """Approximate limit on the memory of these constants [bytes]: with many modes, fewer points at once."""
-BUFFER = 16 * CHUNK
+BUFFER = 4 * CHUNK
 """Initial capacity of the buffer of transitions."""
+STEPS = 1_000_000
+"""Number of steps after which a call returns, so that interrupts are noticed: some tenths of a second."""
+ALONE = 100_000
+"""Number of steps of an integrator after which it takes the steps of several runs together. For a friction oscillator,
+these steps take as long as compiling the code for this."""
 TRIES = 16
 """Number of consecutive points set aside without a new mode after which the call no longer stops for them."""
 
@@ -72,44 +77,22 @@ class PointRuns:
     """Runs of many points: iterating does the runs; the attributes then hold their ends.
 
     The iterator yields arrays of the kept transitions, of type :attr:`transition_dtype`; the transitions of one point
-    are in one array, in order of time. Points come in order, except those that are set aside. The results depend
+    are in one array, in order of time. The points are in no particular order. The results depend
     neither on which points are run together nor on what was compiled before.
 
-    Parameters
-    ----------
-    integrator : Integrator
-        Integrator of a system without parameter values.
-    values : array_like, shape (points or 1, parameters) or (points or 1, parameters, 2)
-        Values of :attr:`Integrator.parameters`, in their order; one row applies to all points.
-    initial : array_like, shape (points, n) or (points, n, 2)
-    start, until : float or array_like, shape (points,) or (points, 2)
-        Initial time and horizon [s].
-    keep : Keep
-        By default no transition is kept.
-    mode : mapping, optional
-        Surface -> -1, 0 or +1, for starts on a surface from which several motions are possible; Python decides these.
-    held : array_like of bool, shape (points, surfaces), optional
-        Surfaces that held before, as of :meth:`Integrator.begin`.
-    exact : callable, optional
-        Returns the exact numbers of a point, by index. By default the printed decimal numbers.
-    **settings
-        Arguments of :func:`henon_ref.integrator.integrator.run_template`.
+    ``integrator``: of a system without parameter values; ``values``, shape (points or 1, parameters): of
+    :attr:`Integrator.parameters`, in their order, one row for all points or one for each; ``initial``, shape (points,
+    n); ``start``, ``until``: one time or one of each point [s]. Doubles stand for the decimal numbers that Python
+    prints; arrays with a further axis of length 2 are pairs (see :mod:`henon_ref.integrator.pairs`). ``keep``: by
+    default no transition is kept. ``mode``: surface -> -1, 0 or +1, for starts on a surface from which several motions
+    are possible; Python decides these. ``held``, bool of shape (points, surfaces): surfaces that held before, as of
+    :meth:`Integrator.begin`. ``exact`` returns the exact numbers of a point, by index; by default the printed decimal
+    numbers. ``settings``: of :func:`henon_ref.integrator.integrator.run_template`.
 
-    Doubles stand for the decimal numbers that Python prints; arrays with a last axis of length 2 are pairs (see
-    :mod:`henon_ref.integrator.pairs`).
-
-    Attributes
-    ----------
-    ends : ndarray, shape (points,) of :data:`END`
-        Time, number of the mode, and counts at the end of each run.
-    states : ndarray, shape (points, n)
-        States at the ends.
-    others : dict of int to Trajectory
-        Results of the points that were set aside, without transitions.
-    refused : set of int
-        Points that have no initial mode.
-    held_entries : dict of int to dict of int to int
-        Surface -> its entry in the mode at the start, of the surfaces ``held`` before the points that were set aside.
+    :attr:`ends`, of type :data:`END`: time, number of the mode, and counts at the end of each run; :attr:`states`,
+    shape (points, n), there. :attr:`others`: point -> Trajectory of the points that were set aside, without
+    transitions. :attr:`refused`: points that have no initial mode. :attr:`held_entries`: point that was set aside ->
+    surface, of those ``held`` before -> its entry in the mode at the start.
     """
 
     def __init__(
@@ -190,61 +173,98 @@ class PointRuns:
             first = last
 
 
+class _Lane:
+    """One of the runs in progress, and the buffer of its transitions; ``record``: a ``struct lane``."""
+
+    def __init__(self, record: Any, workspace: Workspace, surfaces: int, width: int) -> None:
+        self.record, self.workspace = record, workspace
+        self.pending = np.zeros((surfaces, width))
+        record.block, record.pending = doubles(workspace.block), doubles(self.pending)
+        self._use(np.empty((BUFFER, width)))
+
+    def _use(self, kept: NDArray[np.float64]) -> None:
+        self.kept, self.record.kept, self.record.capacity = kept, doubles(kept), len(kept)
+
+    def finished(self) -> NDArray[np.float64]:
+        """Take the transitions of finished points out of the buffer."""
+        lane, kept = self.record, self.kept
+        found, rest = kept[: lane.finished].copy(), kept[lane.finished : lane.filled].copy()
+        if not len(found) and lane.running:  # one point has filled the buffer
+            self._use(np.empty((2 * len(kept), kept.shape[1])))
+        self.kept[: len(rest)] = rest
+        lane.filled, lane.finished = len(rest), 0
+        return found
+
+
 class _Part:
     """Points ``first`` to ``last - 1``, whose constants are in memory together."""
 
     def __init__(self, runs: PointRuns, first: int, last: int) -> None:
         self.runs, self.first, self.part = runs, first, slice(first, last)
-        n, surfaces = runs.states.shape[1], len(runs.integrator.system.surfaces)
+        self.integrator, self.table = runs.integrator, runs.integrator.mode_table
         self.values = runs.values[self.part] if len(runs.values) > 1 else runs.values
         self.numbers = np.concatenate([runs.times[self.part, ::-1], runs.initial[self.part]], axis=1)
-        self.words = words_of(runs.integrator.mode_table.contacts)
-        width = 1 + TRANSITION_PLACES + n + 2 * self.words
-        self.kept, self.pending = np.empty((BUFFER, width)), np.zeros((surfaces, width))
-        self.memory = np.zeros(1, dtype=PROGRESS)
-        self.progress, keep = self.memory[0], runs.keep
-        self.progress["after"], self.progress["open_sticks"] = keep
-        self.progress["steps"] = 1_000_000  # between checks for interrupts: some tenths of a second
-        self.progress["stop_aside"] = True
+        self.words = words_of(self.table.contacts)
+        self.rows, self.surfaces = self._rows()
+        self.template = self._template(kernel.ALONE)
+        self.points = points = ffi.new("struct points *")
+        points.count, points.start, points.numbers = len(self.rows), self.template, doubles(self.numbers)
+        points.rows, points.surfaces = integers(self.rows), integers(self.surfaces)
+        points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
+        points.states, (points.after, points.open_sticks) = doubles(runs.states[self.part]), runs.keep
+        points.width = 1 + TRANSITION_PLACES + runs.states.shape[1] + 2 * self.words
+        points.surface_count, points.stop_aside = len(runs.integrator.system.surfaces), True
+        self.records, self.lanes = ffi.new("struct lane[]", kernel.MOST_LANES), list[_Lane]()
 
     def run(self) -> Iterator[NDArray[Any]]:
         """Do the runs; yield the kept transitions."""
-        integrator = self.runs.integrator
-        workspace = integrator.workspace()
         try:
-            yield from self._compiled(workspace)
+            yield from self._compiled()
         finally:
-            integrator.free.append(workspace)
+            self.integrator.free += [lane.workspace for lane in self.lanes]
         for point in np.flatnonzero(self.runs.ends["code"][self.part] == kernel.SET_ASIDE).tolist():
             if self.first + point not in self.runs.others:
                 yield from self._in_python(point)
 
-    def _compiled(self, workspace: Workspace) -> Iterator[NDArray[Any]]:
-        runs, progress, table = self.runs, self.progress, self.runs.integrator.mode_table
-        rows, surfaces = self._rows()
-        points, template = ffi.new("struct points *"), run_template(table.sizes, **runs.settings)
-        points.count, points.block, points.start = len(rows), doubles(workspace.block), template
-        points.numbers = doubles(self.numbers)
-        points.rows, points.surfaces = integers(rows), integers(surfaces)
-        points.ends = ffi.cast("struct end *", ffi.from_buffer(runs.ends[self.part]))
-        points.states = doubles(runs.states[self.part])
-        tries, code, data = TRIES, kernel.PAUSE, None
-        pointer = ffi.cast("struct progress *", ffi.from_buffer(self.memory))
-        while code != kernel.DONE:
+    def _compiled(self) -> Iterator[NDArray[Any]]:
+        points, integrator, table, lanes = self.points, self.integrator, self.table, self.lanes
+        tries, data, codes = TRIES, None, {kernel.RUNNING}
+        while codes != {kernel.DONE}:
+            left = ALONE - integrator.steps_of_points
+            self._open(together=left <= 0)
+            points.steps = left if left > 0 else STEPS
             if data is None or data.compiled is not table.compiled:
-                tries, data = TRIES, self._constants(points)
-            code = kernel.run_points(pointer, points, data.tables, self._buffer(self.kept))
-            if code == kernel.ASIDE:
-                yield from self._in_python(int(progress["point"]) - 1)
-                tries -= 1
-                progress["stop_aside"] = tries > 0 or data.compiled is not table.compiled
-            elif code == kernel.BUFFER_FULL:
-                yield from self._handed_out()
-        yield from self._handed_out()
+                tries, data = TRIES, self._constants()
+            integrator.steps_of_points += kernel.run_points(self.records, len(lanes), points, data.tables)
+            codes = {lane.record.code for lane in lanes}
+            for lane in lanes:
+                if lane.record.code == kernel.ASIDE:
+                    yield from self._in_python(lane.record.point)
+                    tries -= 1
+                    points.stop_aside = tries > 0 or data.compiled is not table.compiled
+                elif lane.record.code == kernel.BUFFER_FULL:
+                    yield from self._handed_out(lane)
+        for lane in lanes:
+            yield from self._handed_out(lane)
         if self.words:
-            done = np.flatnonzero(runs.ends["code"][self.part] != kernel.SET_ASIDE)
-            modes, places = numbered(rows[done], table.contacts)
-            runs.ends["mode"][self.first + done] = runs.numbers(modes)[places]
+            done = np.flatnonzero(self.runs.ends["code"][self.part] != kernel.SET_ASIDE)
+            modes, places = numbered(self.rows[done], table.contacts)
+            self.runs.ends["mode"][self.first + done] = self.runs.numbers(modes)[places]
+
+    def _template(self, stepping: int) -> Any:
+        return run_template(self.table.sizes, stepping=stepping, **self.runs.settings)
+
+    def _open(self, together: bool) -> None:
+        """Provide a lane, or several whose steps are taken together."""
+        points, lanes = self.points, self.lanes
+        several = together and points.count > 1 and self.table.compile_lanes()
+        count = min(kernel.MOST_LANES, points.count) if several else 1
+        if len(lanes) < count > 1:
+            points.start = self.template = self._template(kernel.TOGETHER)
+            for lane in lanes:
+                lane.workspace.run.stepping = kernel.TOGETHER
+        for i in range(len(lanes), count):
+            lanes.append(_Lane(self.records + i, self.integrator.workspace(), points.surface_count, points.width))
 
     def _array(self, kept: NDArray[np.float64]) -> NDArray[Any]:
         """Convert rows of the buffer to the array of transitions that is yielded."""
@@ -258,13 +278,6 @@ class _Part:
             for end in ("from_mode", "to_mode"):
                 found[end] = numbers[found[end]]
         return found
-
-    def _buffer(self, kept: NDArray[np.float64]) -> Any:
-        """Return a ``struct buffer`` over ``kept`` and :attr:`pending`, which must outlive it."""
-        buffer = ffi.new("struct buffer *")
-        buffer.kept, (buffer.capacity, buffer.width) = doubles(kept), kept.shape
-        buffer.pending, buffer.surfaces = doubles(self.pending), len(self.pending)
-        return buffer
 
     def _rows(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return the row (or words) of each point's initial mode, and the surface that it starts on (-1: none).
@@ -289,46 +302,39 @@ class _Part:
             rows[(runs.held[self.part] & (signs[:, : runs.held.shape[1]] != 0)).any(axis=1)] = -1
         return rows, surfaces
 
-    def _constants(self, points: Any) -> LoopData:
+    def _constants(self) -> LoopData:
         """Return the compiled modes with the constants of all points, or of the first point if all are equal."""
-        program = self.runs.integrator.programs.loop()
+        program = self.integrator.programs.loop()
         numbers = program.numbers(
             self.values, lambda point: [exact_expression(v) for v in self.runs.exact(self.first + point).values]
         )
-        points.numbers_step = numbers.shape[1] if len(numbers) > 1 else 0
+        self.points.numbers_step = numbers.shape[1] if len(numbers) > 1 else 0
         return program.of(numbers)
 
-    def _handed_out(self) -> Iterator[NDArray[Any]]:
-        """Yield the transitions of finished points; those of the running point move to the start of the buffer."""
-        progress = self.progress
-        done = progress["kept_before"] if progress["running"] else progress["kept"]
-        rest = self.kept[done : progress["kept"]].copy()
-        if done:
-            found = self.kept[:done].copy()
+    def _handed_out(self, lane: _Lane) -> Iterator[NDArray[Any]]:
+        """Yield the transitions of the points that a lane has finished."""
+        found = lane.finished()
+        if len(found):
             found.view(np.int64)[:, 0] += self.first
             yield self._array(found)
-        elif progress["running"]:  # one point has filled the buffer
-            self.kept = np.empty((2 * len(self.kept), self.kept.shape[1]))
-        self.kept[: len(rest)] = rest
-        progress["kept"], progress["kept_before"] = len(rest), 0
 
     def _in_python(self, point: int) -> Iterator[NDArray[Any]]:
         """Run a point that was set aside; yield its transitions."""
         runs, number = self.runs, self.first + point
-        run, memory, ends = Run(runs.integrator, runs.start(number)), self.memory.copy(), runs.ends[number]
+        run, ends = Run(runs.integrator, runs.start(number)), runs.ends[number]
         if run.start.refused is not None:
             runs.refused.add(number)
         elif runs.held is not None:
             runs.held_entries[number] = {i: run.mode[i] for i in np.flatnonzero(runs.held[number]).tolist()}
-        memory["point"], self.pending[:, 0], ends["transitions"] = number, 0.0, 0
-        kept = [np.empty((0, self.kept.shape[1]))]
+        ends["transitions"], lane, width = 0, ffi.new("struct lane *"), self.points.width
+        pending = np.zeros((self.points.surface_count, width))
+        lane.point, lane.pending = number, doubles(pending)
+        kept = [np.empty((0, width))]
         for block in run.stream():
-            memory["kept"] = 0
-            room = np.empty((len(block) + len(self.pending), self.kept.shape[1]))
-            records = np.ascontiguousarray(block.recorded)
-            progress = ffi.cast("struct progress *", ffi.from_buffer(memory))
-            kernel.keep_transitions(progress, doubles(records), len(records), self._buffer(room))
-            kept.append(room[: memory["kept"][0]])
+            room, records = np.empty((len(block) + len(pending), width)), np.ascontiguousarray(block.recorded)
+            lane.kept, lane.filled = doubles(room), 0
+            kernel.keep_transitions(lane, self.points, doubles(records), len(records))
+            kept.append(room[: lane.filled])
             ends["transitions"] += len(block)
         end = run.ended
         assert end is not None

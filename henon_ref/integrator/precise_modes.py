@@ -37,7 +37,7 @@ from henon_ref.modes.selection import contact_orders, mode_by_signs, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.taylor.series import BALL, expand
-from henon_ref.taylor.tape import INFINITE, TIME, Tape, build_tape
+from henon_ref.taylor.tape import TIME, Tape, build_tape
 from henon_ref.trajectory import Status
 
 MOST_ORDER = 320
@@ -192,7 +192,7 @@ class PreciseModes:
         The series converge up to one unit.
         """
         tape, numbers = self._tape(mode)
-        degree = _degree(tape)
+        degree = tape.degree if tape.degree <= MOST_ORDER else 0
 
         def enough(x: Sequence[Sequence[arb]], y: Sequence[Sequence[arb]]) -> bool:
             """Checked every few orders, from 48 on: low orders may be zero."""
@@ -224,13 +224,6 @@ class PreciseModes:
     def _tape(self, mode: Mode) -> tuple[Tape, list[arb]]:
         with compiling():
             return self.in_balls.tape(mode)
-
-
-def _degree(tape: Tape) -> int:
-    """Return the degree of a motion and its guards if all are polynomials in time; otherwise 0."""
-    nodes = tape.nodes
-    degrees = [nodes[row].degree + 1 for row in tape.field] + [nodes[row].degree for row in tape.outputs]
-    return max(degrees) if max(degrees) <= MOST_ORDER < INFINITE else 0
 
 
 def _negligible_tail(rows: Sequence[Sequence[arb]]) -> bool:

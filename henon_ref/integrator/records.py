@@ -121,8 +121,6 @@ def words_of(contacts: int) -> int:
 def packed(mode: Mode) -> int:
     """Return a mode as a number.
 
-    Examples
-    --------
     >>> packed((1, 0, -1)), unpacked(packed((1, 0, -1)), 3)
     (6, (1, 0, -1))
     """

@@ -39,17 +39,11 @@ _FIELDS = tuple(field.name for field in fields(Trajectory))
 class TransitionArray(Sequence[Transition]):
     """Sequence of transitions stored as rows of an array; an item is converted to a :class:`Transition` on access.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (k, TRANSITION_PLACES + n)
-        Each row is a :data:`henon_ref.integrator.records.TRANSITION` followed by a state.
-    modes : sequence
-        Modes, indexed by the fields ``from_mode`` and ``to_mode``.
-    contacts : int, optional
-        Number of entries of a mode, if the words of the modes before and after follow each state
-        (:mod:`henon_ref.integrator.records`). They are converted to indices and modes on first access.
-    kinked : FilippovSystem, optional
-        System whose hidden kinks are left out (:mod:`henon_ref.modes.kinks`); on first access, too.
+    Each of the ``rows``, shape (k, TRANSITION_PLACES + n), is a :data:`henon_ref.integrator.records.TRANSITION`
+    followed by a state; ``modes`` are indexed by its fields ``from_mode`` and ``to_mode``. ``contacts``: number of
+    entries of a mode, if the words of the modes before and after follow each state
+    (:mod:`henon_ref.integrator.records`); they are converted to indices and modes on first access. ``kinked``: system
+    whose hidden kinks are left out (:mod:`henon_ref.modes.kinks`), on first access, too.
     """
 
     __slots__ = ("_made_of", "_numbered")

@@ -36,18 +36,10 @@ class State:
     During its lifetime a run has a workspace of some 100 kB. (:class:`henon_ref.integrator.run.Run` has no ``__init__``
     of its own: a second call would cost a tenth of a short run.)
 
-    Parameters
-    ----------
-    sample_times : ndarray, shape (k,), optional
-        Increasing times at which the state is sampled [s].
-    deadline : float, optional
-        Processor time, without compiling, after which the run stops with status ``timeout`` [s].
-    block : int
-        Number of transitions in one block of memory, at most CHUNK; 1 to stop at each transition.
-    dense : int
-        Number of steps in one block of memory, for dense output; 0: steps are not kept.
-    begun : Workspace, optional
-        Memory of the run, if the loop has been called before.
+    ``sample_times``, shape (k,): increasing times at which the state is sampled [s]; ``deadline``: processor time,
+    without compiling, after which the run stops with status ``timeout`` [s]; ``block``: number of transitions in one
+    block of memory, at most CHUNK, 1 to stop at each transition; ``dense``: number of steps in one block of memory, for
+    dense output, 0 if steps are not kept; ``begun``: memory of the run, if the loop has been called before.
     """
 
     def __init__(

@@ -10,6 +10,7 @@ import re
 import struct
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 from henon_ref.kernel.library import kernel
 
@@ -17,6 +18,8 @@ LANES: int = kernel.LANES
 """Number of doubles in a vector."""
 VECTOR = f"<{LANES} x double>"
 """Its type."""
+PAIR = "{double, double}"
+"""Type of two numbers."""
 _INTRINSICS = ("sqrt", "fabs", "fma", "rint")
 
 Value = str | None
@@ -88,11 +91,14 @@ def count(ir: str) -> int:
 
 
 class IRWriter:
-    """Writer of the instructions of one function."""
+    """Writer of the instructions of one function; ``prefix``: of the names of values."""
 
-    def __init__(self) -> None:
+    branches = True
+    """Whether the code may branch."""
+
+    def __init__(self, prefix: str = "v") -> None:
         self.lines: list[str] = []
-        self._next = 0
+        self._prefix, self._next = prefix, 0
 
     @cached_property
     def once(self) -> IRWriter:
@@ -101,7 +107,7 @@ class IRWriter:
 
     def name(self) -> str:
         self._next += 1
-        return f"v{self._next}"
+        return f"{self._prefix}{self._next}"
 
     def emit(self, text: str) -> str:
         name = f"%{self.name()}"
@@ -162,13 +168,14 @@ class IRWriter:
             values = pairs + values[2 * len(pairs) :]
         return values[0] if values else ZERO
 
+    def place(self, array: str, index: int) -> str:
+        return self.emit(f"getelementptr double, ptr {array}, i64 {index}")
+
     def load(self, array: str, index: int, kind: str = "double") -> str:
-        pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")
-        return self.emit(f"load {kind}, ptr {pointer}, align 8")
+        return self.emit(f"load {kind}, ptr {self.place(array, index)}, align 8")
 
     def store(self, value: str, array: str, index: int, kind: str = "double") -> None:
-        pointer = self.emit(f"getelementptr double, ptr {array}, i64 {index}")
-        self.lines.append(f"  store {kind} {value}, ptr {pointer}, align 8")
+        self.lines.append(f"  store {kind} {value}, ptr {self.place(array, index)}, align 8")
 
     def call(self, name: str, *args: str) -> str:
         target = f"@llvm.{name}.f64" if name in _INTRINSICS else f"@{name}"
@@ -199,6 +206,16 @@ class IRWriter:
 
     def lane(self, lanes: int, a: str, at: int) -> str:
         return self.emit(f"extractelement <{lanes} x double> {a}, i64 {at}")
+
+    def transposed(self, rows: Sequence[str]) -> list[str]:
+        """Columns of a square matrix of vectors."""
+
+        def mixed(a: str, b: str, lanes: str) -> str:
+            mask = ", ".join(f"i32 {i}" for i in lanes)
+            return self.emit(f"shufflevector {VECTOR} {a}, {VECTOR} {b}, <{LANES} x i32> <{mask}>")
+
+        (a, b), (c, d) = ([mixed(x, y, "0426"), mixed(x, y, "1537")] for x, y in (rows[:2], rows[2:]))
+        return [mixed(a, c, "0145"), mixed(b, d, "0145"), mixed(a, c, "2367"), mixed(b, d, "2367")]
 
     def across(self, lanes: int, a: str) -> str:
         """Sum of a vector's lanes: the upper half is added to the lower half until one lane is left."""
@@ -241,6 +258,50 @@ class _Once(IRWriter):
         if text not in self._known:
             self._known[text] = self._w.emit(text)
         return self._known[text]
+
+
+class NumberWriter(IRWriter):
+    """Writer of code without branches whose vectors are lists of numbers (for :func:`henon_ref.jit.lanes.in_lanes`).
+
+    Each place in an array is a vector.
+    """
+
+    branches = False
+
+    @cached_property
+    def once(self) -> IRWriter:
+        return _NumbersOnce(self)
+
+    def load(self, array: str, index: int, kind: str = "double") -> Any:
+        if kind == VECTOR:
+            return [self.load(array, i) for i in range(index, index + LANES)]
+        return super().load(array, LANES * index)
+
+    def store(self, value: Any, array: str, index: int, kind: str = "double") -> None:
+        if kind == VECTOR:
+            for i, one in enumerate(value):
+                self.store(one, array, index + i)
+        else:
+            super().store(value, array, LANES * index)
+
+    def vector(self, values: Sequence[str]) -> Any:
+        return list(values)
+
+    def lanewise(self, op: str, lanes: int, a: Any, b: Any) -> Any:
+        return [self.binary(op, x, y) for x, y in zip(a, b, strict=True)]
+
+    def lanewise_fused(self, lanes: int, a: Any, b: Any, c: Any) -> Any:
+        return [self.call("fma", *each) for each in zip(a, b, c, strict=True)]
+
+    def shuffled(self, lanes: int, a: Any, order: Sequence[int]) -> Any:
+        return [a[i] for i in order]
+
+    def lane(self, lanes: int, a: Any, at: int) -> str:
+        return str(a[at])
+
+
+class _NumbersOnce(_Once, NumberWriter):
+    pass
 
 
 def _chained(pairs: Sequence[tuple[str, str]], fused: Callable[[str, str, Value], Value]) -> tuple[Value, Value]:

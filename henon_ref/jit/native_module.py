@@ -24,7 +24,7 @@ import llvmlite.binding as llvm
 from henon_ref.jit.cache_folder import OBJECTS, cache_root, read, write
 from henon_ref.kernel.library import CPU_VARIABLE
 
-KEPT = 2048
+MAX_OBJECTS = 2048
 """Largest number of objects on disk; beyond it, the half that was unused for longest is removed."""
 
 
@@ -133,6 +133,6 @@ def _write(file: Path, made: bytes) -> None:
 
 def _prune(folder: Path) -> None:
     entries = list(os.scandir(folder))
-    if len(entries) > KEPT:
-        for entry in sorted(entries, key=lambda one: one.stat().st_mtime)[: KEPT // 2]:
+    if len(entries) > MAX_OBJECTS:
+        for entry in sorted(entries, key=lambda one: one.stat().st_mtime)[: MAX_OBJECTS // 2]:
             Path(entry.path).unlink(missing_ok=True)

@@ -271,8 +271,10 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
     struct pair step = {near.at.high * e->unit, near.at.low * e->unit};
     struct pair end = added((struct pair){run->time, run->time_low}, step);
     struct bounded time = {end.high, end.low, 0.0};
-    double left = (run->horizon - end.high) + (run->horizon_low - end.low), nothing = TIME_ROUNDING * fabs(run->horizon);
-    bool event = near.what == FALLING || near.what == TOUCHING, late = left < (event ? -nothing : nothing);
+    double left = (run->horizon - end.high) + (run->horizon_low - end.low);
+    double nothing = TIME_ROUNDING * fabs(run->horizon);
+    bool event = near.what == FALLING || near.what == TOUCHING;
+    bool late = left < (event ? -nothing : nothing);
     struct change found = {0};
     bool jumps = near.what == FALLING && guard->jump && !late;
     if (event && !late && !jumps) {

@@ -10,6 +10,13 @@ static inline void add_to_time(struct run *run, double step)
     run->time_low = low - (run->time - total);
 }
 
+/* Time after a step from the present time. */
+static inline struct pair time_after(const struct run *run, double step)
+{
+    struct pair total = pair_sum(run->time, step);
+    return (struct pair){total.high, total.low + run->time_low};
+}
+
 /* Check whether a step is too short to move a double's time. */
 static inline bool below_time_resolution(const struct run *run, double step)
 {

@@ -195,9 +195,10 @@ static bool sections_crossed(const struct work *w, const struct group *g)
     const struct selection *selection = &w->tables->selection;
     int64_t surfaces = selection->surfaces;
     double *point = resting_point(w, g), *values = point + w->run->states + 2 * surfaces;
+    const double *velocity = values + w->run->states + 2 * surfaces;
     velocities_at(w, point, values);
     for (int64_t i = 0; i < surfaces; i++)
-        if (selection->contact[i] & SECTION && g->open[i] && !((double)g->side[i] * values[w->run->states + 2 * surfaces + i] > 0.0))
+        if (selection->contact[i] & SECTION && g->open[i] && !((double)g->side[i] * velocity[i] > 0.0))
             return false;
     return true;
 }

@@ -15,7 +15,7 @@
 /* Pivots below this part of a contact's own inverse inertia count as zero: the part of M is singular. */
 #define RANK 1e-8
 /* Block pivots in a row without progress before single pivots; largest number of pivots per contact. */
-#define PATIENCE 10
+#define MAX_BLOCK_PIVOTS 10
 #define MOST_PIVOTS 100
 
 typedef double square[MOST_IN_GROUP][MOST_IN_GROUP];
@@ -146,7 +146,7 @@ static bool is_clear(const struct contact_problem *p, const struct accelerations
 /* Solve a contact problem by block principal pivoting; false if it has no clear solution. */
 static bool clearly_solved(const struct contact_problem *p, struct accelerations *s)
 {
-    int64_t count = p->count, fewest = count + 1, patience = PATIENCE;
+    int64_t count = p->count, fewest = count + 1, patience = MAX_BLOCK_PIVOTS;
     struct held_part held;
     for (int64_t k = 0; k < count; k++)
         s->entry[k] = 0;
@@ -166,7 +166,7 @@ static bool clearly_solved(const struct contact_problem *p, struct accelerations
         }
         if (wrong == 0)
             return is_clear(p, s, &held);
-        patience = wrong < fewest ? PATIENCE : patience - 1;
+        patience = wrong < fewest ? MAX_BLOCK_PIVOTS : patience - 1;
         fewest = least(fewest, wrong);
         for (int64_t k = 0; k < count; k++)
             if (patience > 0 || k == last)

@@ -180,7 +180,7 @@ static int64_t cross_kinks(struct work *w)
         if (found.kind != GRAZE && !(kinks_behind(w, found.mode, &ending, &length) && ending < 0))
             return SELECT_MODE;
         if (found.kind == RELEASED)
-            found.zeros = zeros_ahead(w, mode_at(w, found.mode), guard->index, found.zeros, length);
+            found.zeros = zeros_ahead(w, mode_at(w, found.mode), guard->index, llabs(found.zeros), length);
         if (found.kind == RELEASED && found.zeros == 0)
             return SELECT_MODE;
     }

@@ -163,7 +163,7 @@ static inline struct event first_event(struct work *w, double theta, double natu
  * "surface": the guard may be that of a surface being left. "fails": the guard is below zero and its surface is not
  * being left, so that the mode is not consistent. The side of a surface was decided when the surface was left, and no
  * root followed, so a value below zero is rounding (another event followed at once): if the guard rises, with a speed
- * or tangentially, nothing needs a decision. A guard that is zero and stays zero fails, too: rounding may be the reason.
+ * or tangentially, nothing needs a decision. A guard that is zero and stays zero fails, too, perhaps through rounding.
  */
 static int64_t below_zero(const double *row, int64_t order, bool surface, bool *fails)
 {
@@ -214,9 +214,9 @@ static inline bool at_zero(const struct work *w, int64_t g, double tau)
     return size > 0.0 && value(q, degree, tau) <= 32.0 * EPS * size;
 }
 
-/* Check by the bound b of a guard on a step, its first term a > 0 plus its negative terms, that it is not at zero at the
- * step's end. The terms' sizes add up to the value there, b at least, and 2 (a - b): the value exceeds the rounding of
- * at_zero if b exceeds about twice that part of a. */
+/* Check by the bound b of a guard on a step, its first term a > 0 plus its negative terms, that it is not at zero at
+ * the step's end. The terms' sizes add up to the value there, b at least, and 2 (a - b): the value exceeds the rounding
+ * of at_zero if b exceeds about twice that part of a. */
 static inline bool above_zero_by_bound(const struct work *w, int64_t g)
 {
     return w->known_zeros[g] == 0 && w->lower[g] > 1e3 * EPS * guard_row(w, g)[0];

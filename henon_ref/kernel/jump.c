@@ -1,12 +1,13 @@
 /* Jump of the state at one surface that resets it, and the mode after the jump, if double precision decides them.
  *
- * This is the common case of henon_ref/modes/after_jump.py: one surface alone is at zero, the mode slides on no other
- * surface after the jump, and the map carries no surface with a reset of its own through zero. The map is evaluated at
- * the compensated state, to the rounding of its own terms, as a step is. The mode after the jump is then expanded
- * there. Every guard must be clearly above zero. A surface whose function the map keeps must be left with a speed, so
- * that the following flights last longer than a rest, or by the acceleration alone if the impact absorbs the whole
- * speed. Or the body continues to fall through the surface, or it is clearly pressed on and stays, because the impact
- * absorbs the whole speed or the impacts have come to their limit; then the mode below, or at rest, is expanded, too.
+ * This is the common case of henon_ref/modes/after_jump.py: one surface alone is at zero, the map keeps no surface on
+ * which the mode slides, and carries none with a reset of its own through zero. The map is evaluated at the compensated
+ * state, to the rounding of its own terms, as a step is. The mode after the jump is then expanded there. Every guard
+ * must be clearly above zero, but for one surface on which the map puts the state: there two normal velocities decide.
+ * A surface whose function the map keeps must be left with a speed, so that the following flights last longer than a
+ * rest, or by the acceleration alone if the impact absorbs the whole speed. Or the body continues to fall through the
+ * surface, or it is clearly pressed on and stays, because the impact absorbs the whole speed or the impacts have come
+ * to their limit; then the mode below, or at rest, is expanded, too.
  *
  * All other cases are left to Python, before anything is changed.
  */
@@ -28,6 +29,8 @@ struct jump {
     double *values;              /* of surfaces after the jump, 0 if the side is unchanged; then the part of the speed
                                     that the impact leaves, 1 if the jump is not an impact */
     bool kept;                   /* whether the map keeps the surface's function */
+    int64_t landed;              /* another surface on which the map puts the state; -1 if none */
+    int64_t landed_zeros;        /* known zeros with which that surface is left; 0 if the mode slides on it */
     int64_t number;              /* number of the mode after the jump */
     int64_t target, end;         /* rows of that mode, and of the one that follows at once */
     int64_t expanded;            /* number of expansions made */
@@ -66,7 +69,7 @@ static bool map_state(const struct work *w, const struct jump *jump)
     return bounded;
 }
 
-/* Number of the mode on the sides to which a jump leads; -1 if it slides. */
+/* Number of the mode on the sides to which a jump leads; above a slide on which it puts the state (lands decides). */
 static int64_t number_after(const struct work *w, const double *values)
 {
     int64_t number = w->mode->number, power = 1;
@@ -75,7 +78,7 @@ static int64_t number_after(const struct work *w, const double *values)
         if (values[j] != 0.0)
             number += ((values[j] > 0.0 ? 1 : -1) - before) * power;
         else if (before == 0)
-            return -1;
+            number += power;
         power *= 3;
     }
     return number;
@@ -128,7 +131,7 @@ static enum impact after_impact(const struct run *run, struct jump *jump, const 
 }
 
 /* Expand the mode in a row at the state after the jump, on a step of that mode, which may be much shorter than the last
- * one; check whether all its guards, except that of a surface, are clearly above zero. */
+ * one; check whether all its guards, but those of a surface and of the one landed on, are clearly above zero. */
 static bool holds(const struct work *w, struct jump *jump, int64_t row, int64_t surface)
 {
     const struct run *run = w->run;
@@ -140,9 +143,39 @@ static bool holds(const struct work *w, struct jump *jump, int64_t row, int64_t 
     for (int64_t g = 0; g < mode->guards; g++) {
         const double *ahead = row_ahead(w, run->states + g);
         double size = size_of_terms(ahead, 0, run->order, jump->length);
-        clear = clear && (is_on(&mode->guard[g], surface) || ahead[0] > CLEARLY_ABOVE * size);
+        bool left = is_on(&mode->guard[g], surface) || is_on(&mode->guard[g], jump->landed);
+        clear = clear && (left || ahead[0] > CLEARLY_ABOVE * size);
     }
     return clear;
+}
+
+/* Decide the mode on another surface, on which the map puts the state, by its normal velocities, as row_on_surface in
+ * start.c; false if there is none, or that is not clear. The target mode, which has been expanded, becomes the one that
+ * follows; -1 if that is not compiled. */
+static bool lands(const struct work *w, struct jump *jump)
+{
+    const struct run *run = w->run;
+    const struct mode *mode = mode_at(w, jump->target);
+    const double *constants = constants_of(w->tables, jump->target, 1);
+    int64_t n = run->states, at = 0, found = 0;
+    for (int64_t g = 0; g < mode->guards; g++)
+        if (row_ahead(w, n + g)[0] == 0.0 && !is_on(&mode->guard[g], jump->surface))
+            at = g, found += 1;
+    const struct guard *guard = &mode->guard[at];
+    if (found != 1 || guard->kind != SURFACE || guard->hold_zone || guard->coupled != UNCOUPLED)
+        return false;
+    mode->normal_velocities(run->time, run->time_low, 1.0, jump->state, constants, w->speeds);
+    double inside = w->speeds[n + 2 * at], beyond = w->speeds[n + 2 * at + 1];
+    double margin = CLEAR_MARGIN * larger(fabs(inside), fabs(beyond));
+    if (!(fabs(inside) > margin && fabs(beyond) > margin) || (inside < 0.0 && beyond > 0.0))
+        return false;
+    jump->landed = guard->index, jump->landed_zeros = inside > 0.0 && beyond < 0.0 ? 0 : 1, jump->expanded += 2;
+    if (inside > 0.0) {
+        int64_t entry = beyond < 0.0 ? 0 : guard->to_sign;
+        jump->number += (entry - entry_of(jump->number, guard->index)) * three_to(guard->index);
+        jump->target = jump->end = row_of_number(w, jump->number);
+    }
+    return true;
 }
 
 /* Check whether no guard of the expanded mode, except that of the surface, reaches zero during the last flights. */
@@ -174,7 +207,7 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
     const double *row = row_ahead(w, n + guard_on(mode_at(w, jump->target), index));
     double ratio = jump->values[w->mode->surfaces];
     enum impact found = after_impact(run, jump, row, ratio, changes > 1);
-    if (found == NOT_CLEAR || (found == RESTS && !undisturbed(w, jump)))
+    if (found == NOT_CLEAR || (found == RESTS && !undisturbed(w, jump)) || (found != LEAVES && jump->landed >= 0))
         return SELECT_MODE;
     jump->zeros = found == LIFTS_OFF ? 2 : 1;
     if (found == LEAVES || found == LIFTS_OFF)
@@ -205,7 +238,8 @@ static void come_to_rest(struct work *w, const struct jump *jump)
     int64_t n = run->states;
     double part = jump->flights / run->unit;
     const struct mode *slip = mode_at(w, jump->target), *rest = mode_at(w, jump->end);
-    slip->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, jump->target, 0), w->ahead);
+    const double *constants = constants_of(w->tables, jump->target, 0);
+    slip->expansion(run->time, run->time_low, run->unit, jump->state, constants, w->ahead);
     double left = row_ahead(w, n + guard_on(slip, jump->surface))[1] / jump->rise; /* rest left by rounding */
     for (int64_t i = 0; i < n; i++) {
         struct pair moved = pair_sum(jump->state[i], left * (jump->state[i] - w->x[i]) + jump->low[i]);
@@ -245,7 +279,8 @@ static int64_t make_jump(struct work *w, const struct jump *jump)
     for (int64_t j = 0; j < w->mode->surfaces; j++) {
         int64_t entry = entry_of(before, j);
         if (j == jump->surface || entry != entry_of(jump->number, j)) {
-            int64_t kind = j == jump->surface ? RESET : entry == 0 ? RELEASED : CROSSING;
+            int64_t other = entry == 0 ? RELEASED : entry_of(jump->number, j) == 0 ? STICK : CROSSING;
+            int64_t kind = j == jump->surface ? RESET : other;
             record_transition(w, kind, j, entry, mode, jump->target);
         }
     }
@@ -257,7 +292,11 @@ static int64_t make_jump(struct work *w, const struct jump *jump)
         accumulate = events_accumulate(run);
     }
     run->mode = jump->end, run->more_digits = 0;
-    set_known_zeros(w, mode_at(w, jump->end), jump->surface, jump->end == jump->target ? jump->zeros : 0);
+    const struct mode *now = mode_at(w, jump->end);
+    set_known_zeros(w, now, jump->surface, jump->end == jump->target ? jump->zeros : 0);
+    for (int64_t g = 0; g < now->guards; g++)
+        if (is_on(&now->guard[g], jump->landed))
+            w->known_zeros[g] = jump->landed_zeros;
     return accumulate ? EVENTS_ACCUMULATE : ON;
 }
 
@@ -266,23 +305,29 @@ static int64_t jump_transition(struct work *w)
 {
     struct run *run = w->run;
     int64_t n = run->states, mode = run->mode, before = w->mode->number;
-    struct jump jump = {.surface = w->mode->guard[run->guard].index, .expanded = 2};
+    struct jump jump = {.surface = w->mode->guard[run->guard].index, .expanded = 2, .landed = -1};
     jump.state = w->room, jump.low = w->room + n, jump.values = w->room + 2 * n;
     w->mode->normal_velocities(run->time, run->time_low, 1.0, w->x, constants_of(w->tables, mode, 1), w->speeds);
     jump.speed = w->speeds[n + 2 * run->guard];
     if (!(map_state(w, &jump) && jump.speed > 0.0))
         return SELECT_MODE;
     jump.number = number_after(w, jump.values), jump.kept = jump.values[jump.surface] == 0.0;
-    if (jump.number < 0 || carries_another(w, &jump))
+    if (carries_another(w, &jump))
         return SELECT_MODE;
     jump.target = jump.end = row_of_number(w, jump.number);
     if (jump.target < 0)
         return not_compiled(run, RESET, jump.number);
-    int64_t changes = 0;
+    int64_t own = jump.kept ? jump.surface : -1, changes = 0;
+    bool clear = holds(w, &jump, jump.target, own);
+    if (!clear && lands(w, &jump)) {
+        if (jump.target < 0)
+            return not_compiled(run, RESET, jump.number);
+        clear = holds(w, &jump, jump.target, own);
+    }
+    if (!clear)
+        return SELECT_MODE;
     for (int64_t j = 0; j < w->mode->surfaces; j++)
         changes += j == jump.surface || entry_of(before, j) != entry_of(jump.number, j) ? 1 : 0;
-    if (!holds(w, &jump, jump.target, jump.kept ? jump.surface : -1))
-        return SELECT_MODE;
     if (jump.kept) {
         int64_t code = follow_impact(w, &jump, changes);
         if (code != ON)

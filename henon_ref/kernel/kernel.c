@@ -24,6 +24,7 @@
 #include "step.c"
 #include "events.c"
 #include "below_rounding.c"
+#include "candidates.c"
 #include "selection.c"
 #include "contact_problem.c"
 #include "contact_group.c"

@@ -9,6 +9,8 @@
 
 #include <stdint.h>
 
+#include "run.h"
+
 /* Visible to Python. "protected": calls within the library stay within, because the C library has an advance(), too. */
 #ifdef __ELF__
 #define HENON_EXPORT __attribute__((visibility("protected")))
@@ -46,7 +48,8 @@ enum tape_kind {
     TAPE_RECIP, TAPE_SQRT, TAPE_POWER, TAPE_EXP, TAPE_LOG, TAPE_SIN, TAPE_COS
 };
 
-/* Reasons for which the compiled loop returns. Only the loop uses the last two: process an event, or continue. */
+/* Reasons for which the compiled loop returns. Only the loop and the runs of many points use the last three: process an
+ * event; continue; a step may be taken together with those of other runs. */
 enum return_code {
     HORIZON,
     SELECT_MODE,
@@ -63,12 +66,18 @@ enum return_code {
     OUT_OF_RANGE,
     NOT_UNIQUE,
     EVENT = 20,
-    ON = 21
+    ON = 21,
+    BEFORE_STEP = 22
 };
 
-/* Reasons for which the runs of many points return: all points are done; the buffer may be too small for the next
- * transitions; Python can check for interrupts; a point was set aside, perhaps for a mode that Python can compile. */
-enum points_code { DONE, BUFFER_FULL, PAUSE, ASIDE };
+/* What a lane does when the runs of many points return: no point is left; its buffer may be too small for the next
+ * transitions; a point was set aside, perhaps for a mode that Python can compile; it runs a point, or takes its next
+ * step together with other lanes (Python can check for interrupts). */
+enum lane_code { DONE, BUFFER_FULL, ASIDE, RUNNING, WAITING };
+
+/* How a run computes the coefficients of its next step: by itself, as those of all steps; together with other runs; once
+ * by itself; not at all, since it has been done together with other runs. */
+enum stepping { ALONE, TOGETHER, ONCE_ALONE, FROM_LANES };
 
 enum {
     UNSETTLED = 2,         /* value of event_pending in struct run */
@@ -78,6 +87,7 @@ enum {
     DEPTH = 64,            /* pieces that root isolation keeps at once: one per halving that a double can resolve */
     ALIGNMENT = 8,         /* doubles in a line of the processor's cache; the parts of a block begin with a line */
     LANES = 4,             /* doubles in a vector; rows of coefficients are whole vectors, padded with zeros */
+    MOST_LANES = 16,       /* runs that are in progress at once; more than LANES, so that many are in the same mode */
     MOST_SURFACES = 39,    /* largest number for which the number of a mode fits an integer, 3^39 < 2^63 */
     MOST_IN_GROUP = 64,    /* largest number of contacts decided together */
     ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts in a word, two bits each */
@@ -94,6 +104,9 @@ enum {
 
 /* Compute Taylor coefficients, or values, at time t + t_low and state x, in a unit of time; row after row in out. */
 typedef void (*expand_code)(double t, double t_low, double unit, const double *x, const double *constants, double *out);
+/* The same for LANES runs in the lanes of vectors; times: t of each, then t_low, then the unit. */
+typedef void (*lanes_code)(const double *times, const double *const *x, const double *const *constants,
+                           double *const *out);
 /* Compute the change of each state, and a lower bound of each guard, on a step of theta units. */
 typedef void (*step_end_code)(double theta, const double *c, double *out);
 /* Compute scaled coefficients a and Bernstein coefficients b of a guard q on a step; return an enum roots_outcome. */
@@ -129,7 +142,7 @@ struct guard {
     int64_t mode_across;      /* row of the mode after a crossing or a release; -1 if not compiled */
     int64_t mode_stuck;       /* row of the mode that slides on its surface; -1 if not compiled */
     int64_t zeros_at_release; /* known zeros with which its surface is left; 0: by the normal velocities, or the guard
-                                 is no release; -1: by the derivatives, as a body lifts off */
+                                 is no release; -k: by derivatives from the k-th on (a lift-off) */
     int64_t side;             /* of its surface on which the mode is, -1 or +1; 0 if the guard is no surface's */
     int64_t to_sign;          /* entry of its surface after the event: the other side, or the side of the release */
     int64_t kink;             /* whether its surface is crossed whatever other surfaces do: the field is continuous
@@ -142,6 +155,7 @@ struct guard {
 struct mode {
     int64_t guards; /* number of guards */
     expand_code expansion;
+    lanes_code lanes;      /* null: not compiled */
     step_end_code step_end;
     expand_code normal_velocities; /* of each guard on a surface: speed towards it, and away from it beyond */
     expand_code rounding; /* bounds of the effects of rounding (given the rounding of one operation) and of underflow,
@@ -195,135 +209,6 @@ struct program {
     int64_t count, width, inputs, results, places;
 };
 
-/* A recorded transition. */
-struct transition {
-    double time, time_low;      /* s, and what rounding lost of it */
-    int32_t from_mode, to_mode; /* rows of the compiled modes; 0 with contacts */
-    int16_t surface;
-    int8_t kind;    /* enum transition_kind */
-    int8_t landing; /* enum landing */
-    double state[]; /* n; with contacts followed by the words of the mode before and after */
-};
-
-/* A recorded step. */
-struct step {
-    double time, time_low; /* s: start, and what rounding lost of it */
-    double length;         /* s: length taken */
-    double unit;           /* s: of the coefficients */
-    int64_t mode;          /* row of the compiled modes; 0 with contacts */
-    double coefficients[]; /* (n, order + 1): x_i(time + tau unit) = sum over k of coefficients[i, k] tau^k */
-};
-
-/* Scalars of a run, the same for every system; its vectors follow in the same block (struct places). */
-struct run {
-    double time, time_low;             /* s, and what rounding lost of it */
-    double unit;                       /* s: of the expansion */
-    double begin;                      /* s: start of the run */
-    double rest_part;                  /* later flights that last at most this part of the run together are a rest */
-    double event_time, event_time_low; /* s: last event */
-    double suspect;                    /* s: place of an undecided event, from the step's start */
-    double step_length;                /* s: length of a step that is undecided or OUT_OF_RANGE */
-    double natural_length;             /* s: length of an undecided step before it was cut at the horizon */
-    double longest_step;               /* s: limit of the first step in a mode, and of steps near branch points */
-    double horizon, horizon_low;       /* s */
-    double tolerance;                  /* local error, relative to each row's size on the step */
-    int64_t mode, steps, expansions, guard_evaluations, transitions;
-    int64_t below_rounding;            /* surfaces, and expressions that end the run, that were below their rounding */
-    int64_t guard, landing;            /* last guard hit, and its landing */
-    int64_t stalled;                   /* weighted count of steps that a double's time does not resolve */
-    int64_t events_at_once;            /* consecutive events that a double's time does not resolve */
-    int64_t next_sample;
-    int64_t stepped_mode;              /* mode of the last step, -1 before the first */
-    int64_t remembered;                /* number of modes of which the last step is kept */
-    int64_t step_place;                /* place of the present mode among them */
-    int64_t pending_kind;              /* kind of the event that leads to a mode without a row */
-    int64_t pending_mode;              /* number of that mode; -1: the one across the guard last hit */
-    int64_t event_pending;             /* 1 if the present event has not been processed yet, UNSETTLED if a mode that
-                                          was not compiled kept double-double from deciding it */
-    int64_t order;
-    int64_t method;                    /* of landing */
-    int64_t transition_capacity;       /* of a block of memory, in transitions */
-    int64_t states, guards;            /* n and G */
-    int64_t stop_falling, stop_rising; /* surfaces, one bit each, at which the run ends */
-    int64_t stopped;                   /* 1 + the first of these surfaces that the run has reached; 0: none */
-    int64_t more_digits;               /* 1 if the motion may be computed with more digits from the run's start, while
-                                          the run is in its first mode */
-    int64_t most_steps;                /* largest number of steps */
-    int64_t within_range;              /* 1 + steps at which Python last found overflow and underflow negligible */
-    double *dense;                     /* recorded steps; null: none are recorded */
-    int64_t dense_steps, dense_capacity;
-    int64_t contacts;                  /* number of contacts whose entries are the mode ("mode" is then 0), or 0 */
-    int64_t constants;                 /* with contacts: doubles in a row of the modes' constants, of all tapes */
-};
-
-/* Places of the parts of a run's block of memory, in doubles from its begin (struct run). */
-struct places {
-    int64_t last_steps;   /* REMEMBERED_STEPS: last steps of modes [s] */
-    int64_t state;        /* n: x; then n: what rounding lost of it; then n: x before the last jump */
-    int64_t known_zeros;  /* G integers: known zeros of each guard, the order to which it vanishes at the present point
-                             (1: its surface was just left with a speed, 2: tangentially), divided out; then G: 1 if the
-                             guard is at zero; then G: 1 if the guard is below its own rounding on the present step */
-    int64_t entries;      /* words: entries of the contacts, which are the mode; none without contacts */
-    int64_t since;        /* G: first time at which each guard was below its rounding [s], infinite if it was not */
-    int64_t end_of_state; /* a run's start defines all before this place; the rest is work space */
-    int64_t band;         /* rows: Taylor coefficients of states and guards in the unit, then the norms of the last
-                             ones; the same at the end of a step that is checked; work space of root isolation */
-    int64_t width;        /* length of a row of the band */
-    int64_t room;         /* 4 n + 6 G: change of the states over a step and lower bounds of the guards; a state; normal
-                             velocities; rounding of slopes and guards. Or work space of mode selection */
-    int64_t origin;       /* 3 n + 3: the motion from the run's start in double-double: time, and what rounding lost of
-                             it; 1 if the motion is known; states, what rounding lost of them, bounds of their errors */
-    int64_t remembered;   /* REMEMBERED_STEPS modes of which the run keeps the last step: rows, or words of entries */
-    int64_t left;         /* with contacts: words of the mode that an event has ended */
-    int64_t own;          /* with contacts: the present mode's record (struct mode) */
-    int64_t constants;    /* with contacts: the present mode's constants */
-    int64_t records;      /* CHUNK transitions (struct transition) */
-    int64_t record_width; /* length of a transition */
-    int64_t size;         /* of the whole block */
-};
-
-/* Progress of the runs of many points, and which transitions are kept. */
-struct progress {
-    double after;              /* s: transitions before this time are not kept */
-    int64_t point;             /* present or next point */
-    int64_t running;           /* whether its run has begun */
-    int64_t kept, kept_before; /* transitions in the buffer, and those of all points before this one */
-    int64_t open_sticks;       /* whether sticks that are open at "after" are kept, with their begin */
-    int64_t steps;             /* steps after which the call returns for Python to check for interrupts */
-    int64_t stop_aside;        /* whether the call returns when a point is set aside */
-};
-
-/* End of a point's run. */
-struct end {
-    double time, time_low; /* s */
-    int64_t code;          /* enum return_code, or SET_ASIDE */
-    int64_t mode;          /* row; 0 with contacts */
-    int64_t steps, expansions, guard_evaluations, transitions;
-};
-
-/* Buffer for the transitions of many points. */
-struct buffer {
-    double *kept; /* (capacity, width): number of the point, an integer, then a struct transition */
-    int64_t capacity, width;
-    double *pending; /* (surfaces, width): the open stick of each surface, marked by a first number other than 0; only
-                        sticks from before "after" */
-    int64_t surfaces;
-};
-
-/* Many points of one system. */
-struct points {
-    int64_t count;
-    double *block;           /* block of the present run, unchanged between calls until all points are done */
-    const double *start;     /* begin of a run's block, except the point's own numbers */
-    const double *numbers;   /* (count, 2 + n, 2): horizon, initial time [s] and states, each with what rounding lost */
-    int64_t *rows;           /* row of the mode at the start, or the words of its entries, which those of the mode at
-                                the end overwrite; -1: the point is set aside */
-    const int64_t *surfaces; /* surface on which the point starts, -1 if on none; "rows" then holds the mode below it */
-    int64_t numbers_step;    /* doubles from one point's constants to the next point's; 0: the same for all */
-    struct end *ends;        /* filled in */
-    double *states;          /* (count, n): states at the ends, filled in */
-};
-
 /* First falling root: an enum roots_outcome, and the interval that contains it (equal ends if the root is exact). */
 struct first_root {
     int64_t outcome;
@@ -359,10 +244,8 @@ HENON_EXPORT int64_t words_of(int64_t contacts);
 
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count);
 HENON_EXPORT int64_t whole_run(struct run *run, const struct run *start, const struct tables *tables);
-HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
-                                const struct buffer *buffer);
-HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
-                                   const struct buffer *buffer);
+HENON_EXPORT int64_t run_points(struct lane *lanes, int64_t count, struct points *points, const struct tables *tables);
+HENON_EXPORT void keep_transitions(struct lane *lane, const struct points *points, const double *records, int64_t count);
 HENON_EXPORT int64_t start_run(struct run *run, const double *template, const struct tables *tables,
                                const struct program *program, int64_t surfaces, const char *numbers, double *room);
 HENON_EXPORT int64_t enter_at_start(struct run *run, const struct tables *tables, const int64_t *mode, int64_t surface);

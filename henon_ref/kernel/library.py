@@ -29,26 +29,11 @@ SELF_TEST = float.fromhex("-0x1.d23ef345ec270p-2")
 
 
 def load(header: Path, name: str) -> tuple[FFI, Any]:
-    """Load the library that was compiled from ``NAME.c`` in the folder of a header.
+    """Load the library that was compiled from ``NAME.c`` in the folder of a header with its exported declarations.
 
-    Parameters
-    ----------
-    header : Path
-        Header with the exported declarations (:func:`declarations`).
-    name : str
-        Name of the C source without its suffix.
-
-    Returns
-    -------
-    ffi : cffi.FFI
-        Interface with the types of the header.
-    lib
-        Library with its functions as attributes; a call releases the interpreter lock.
-
-    Raises
-    ------
-    KernelError
-        If the library is missing, or was compiled from other sources or with other arithmetic.
+    Returns the interface with the types of the header, and the library with its functions as attributes; a call
+    releases the interpreter lock. KernelError if the library is missing, or was compiled from other sources or with
+    other arithmetic.
     """
     source = header.with_name(f"{name}.c")
     file = library_file(source, best(processor_features()))
@@ -105,13 +90,7 @@ EPS: float = LEVELS.eps
 
 
 def record_dtype(structure: str) -> np.dtype[Any]:
-    """NumPy type of a structure of the header, without the flexible array at its end; pointers are integers.
-
-    Parameters
-    ----------
-    structure : str
-        Name of the structure, without the word ``struct``.
-    """
+    """NumPy type of a ``struct`` of the header, without the flexible array at its end; pointers are integers."""
     kind = ffi.typeof(f"struct {structure}")
     formats = {"double": "f8", "int32_t": "i4", "int16_t": "i2", "int8_t": "i1"}
     fields = [(name, field) for name, field in kind.fields if field.type.kind != "array"]

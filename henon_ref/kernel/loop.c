@@ -148,8 +148,7 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
 static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
 {
     struct run *run = w->run;
-    /* Multiprecision has examined the guards here twice, and kept the mode: on this step they decide nothing. */
-    bool undecidable = run->mode == run->stepped_mode && run->guard == NOWHERE && run->events_at_once > 1;
+    bool undecidable = run->mode == run->stepped_mode && decided_twice(run);
     enter(w);
     if (run->mode != run->stepped_mode)
         enter_mode(w);
@@ -195,6 +194,43 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
     return take_step(w, &look, &event, part);
 }
 
+/* Run up to the horizon, or until the loop cannot continue; return an enum return_code. */
+static int64_t proceed(struct work *w)
+{
+    struct run *run = w->run;
+    int64_t stop_at = least(run->steps + BUDGET, run->most_steps);
+    int64_t pending = run->event_pending, code = pending == 0 ? ON : EVENT;
+    bool shrunk = false;
+    if (run->steps == 0)
+        keep_origin(w);
+    run->event_pending = 0;
+    if (pending == UNSETTLED)
+        code = settle_event(w);
+    while (true) {
+        if (code == EVENT) {
+            int64_t expansions = run->expansions;
+            code = apply_event(w);
+            if (run->event_pending != 0) /* the event is repeated, and counted then */
+                run->expansions = expansions;
+            if (code == ON && run->stopped != 0)
+                return STOPPED;
+        }
+        if (code == HORIZON)
+            fill_samples_at_horizon(w);
+        if (code != ON)
+            return code;
+        code = look_ahead(w, stop_at, &shrunk);
+    }
+}
+
+/* Work space of a run that begins or continues. */
+static inline struct work work_to_proceed(struct run *run, const struct tables *tables)
+{
+    struct work work = work_of(run, tables);
+    put_together(&work);
+    return work;
+}
+
 /* Run up to the horizon, or until Python is needed.
  *
  * run: begin of the run's block (struct places). samples: (count, 1 + n + 1): times of the samples; their states and
@@ -202,32 +238,9 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
  */
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count)
 {
-    struct work work = work_of(run, tables);
+    struct work work = work_to_proceed(run, tables);
     work.samples = samples, work.sample_count = count;
-    put_together(&work);
-    int64_t stop_at = least(run->steps + BUDGET, run->most_steps);
-    int64_t pending = run->event_pending, code = pending == 0 ? ON : EVENT;
-    bool shrunk = false;
-    if (run->steps == 0)
-        keep_origin(&work);
-    run->event_pending = 0;
-    if (pending == UNSETTLED)
-        code = settle_event(&work);
-    while (true) {
-        if (code == EVENT) {
-            int64_t expansions = run->expansions;
-            code = apply_event(&work);
-            if (run->event_pending != 0) /* the event is repeated, and counted then */
-                run->expansions = expansions;
-            if (code == ON && run->stopped != 0)
-                return STOPPED;
-        }
-        if (code == HORIZON)
-            fill_samples_at_horizon(&work);
-        if (code != ON)
-            return code;
-        code = look_ahead(&work, stop_at, &shrunk);
-    }
+    return proceed(&work);
 }
 
 /* Do a run from its start: the first part of its block, up to end_of_state of struct places. Returns as advance(). */

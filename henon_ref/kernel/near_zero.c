@@ -179,8 +179,9 @@ static struct near_place at_minimum(const struct pair_expansion *e, const struct
     struct pair bottom = pair_sum(about, shift);
     if (!(found[2] > 0.0 && fabs(height.high) > CLEAR * error)) {
         powers_at(e, bottom, &powers);
-        bool touching = exact_zero(value_in_pairs(e, q, &powers.own)) && exact_zero(value_in_pairs(e, q, &powers.sloped));
-        return (struct near_place){touching && found[2] > 0.0 ? TOUCHING : OPEN, bottom, 0.0, 2};
+        bool touching = found[2] > 0.0 && exact_zero(value_in_pairs(e, q, &powers.own))
+                        && exact_zero(value_in_pairs(e, q, &powers.sloped));
+        return (struct near_place){touching ? TOUCHING : OPEN, bottom, 0.0, 2};
     }
     if (height.high > 0.0)
         return (struct near_place){VALLEY, bottom, height.high, 2};

@@ -2,43 +2,47 @@
  *
  * A point is set aside, by its number, if double precision cannot decide it, if it needs a mode that is not compiled,
  * or if its run ends before the horizon: Python finishes it (henon_ref/integrator/points.py).
+ *
+ * Several runs are in progress at once, in lanes. Their expansions are most of the work. LANES of them are computed at
+ * once, in the lanes of vectors, if the runs have the same code; the run then takes its step as it would alone, so that
+ * all bits are those of the run alone.
  */
 
 /* Place of the transition in a row of the buffer, in doubles: after the number of the point. */
 #define KEPT_PLACE 1
 
-static void append(struct progress *progress, const double *transition, const struct buffer *buffer)
+static void append(struct lane *lane, const double *transition, int64_t width)
 {
-    double *row = buffer->kept + progress->kept * buffer->width;
-    memcpy(row, &progress->point, sizeof progress->point);
-    memcpy(row + KEPT_PLACE, transition, (size_t)(buffer->width - KEPT_PLACE) * sizeof(double));
-    progress->kept += 1;
+    double *row = lane->kept + lane->filled * width;
+    memcpy(row, &lane->point, sizeof lane->point);
+    memcpy(row + KEPT_PLACE, transition, (size_t)(width - KEPT_PLACE) * sizeof(double));
+    lane->filled += 1;
 }
 
-/* Append transitions to the buffer, except those before progress->after.
+/* Append transitions of the present point to the buffer, except those before points->after.
  *
- * records: transitions of the present point. The buffer has room for "count" of them and one per surface.
+ * The buffer has room for "count" of them and one per surface.
  */
-HENON_EXPORT void keep_transitions(struct progress *progress, const double *records, int64_t count,
-                                   const struct buffer *buffer)
+HENON_EXPORT void keep_transitions(struct lane *lane, const struct points *points, const double *records, int64_t count)
 {
+    int64_t width = points->width;
     for (int64_t k = 0; k < count; k++) {
-        const double *record = records + k * (buffer->width - KEPT_PLACE);
+        const double *record = records + k * (width - KEPT_PLACE);
         struct transition made;
         memcpy(&made, record, sizeof made);
-        double *waiting = buffer->pending + made.surface * buffer->width;
-        if (made.time < progress->after) {
-            if (progress->open_sticks != 0 && (made.kind == STICK || made.kind == RELEASED)) {
+        double *waiting = lane->pending + made.surface * width;
+        if (made.time < points->after) {
+            if (points->open_sticks != 0 && (made.kind == STICK || made.kind == RELEASED)) {
                 waiting[0] = made.kind == STICK ? 1.0 : 0.0;
-                memcpy(waiting + KEPT_PLACE, record, (size_t)(buffer->width - KEPT_PLACE) * sizeof(double));
+                memcpy(waiting + KEPT_PLACE, record, (size_t)(width - KEPT_PLACE) * sizeof(double));
             }
             continue;
         }
         if (made.kind == RELEASED && waiting[0] != 0.0) {
-            append(progress, waiting + KEPT_PLACE, buffer);
+            append(lane, waiting + KEPT_PLACE, width);
             waiting[0] = 0.0;
         }
-        append(progress, record, buffer);
+        append(lane, record, width);
     }
 }
 
@@ -49,94 +53,171 @@ static inline int64_t *mode_of_point(const struct points *points, const struct r
     return points->rows + point * (words ? words : 1);
 }
 
-/* Start the run of a point; false if its mode is not clear. */
-static bool begin_point(const struct points *points, const struct tables *tables, int64_t point)
+/* The compiled modes for the parameters of a point; "tables": for those of the first point. */
+static inline struct tables tables_of_point(const struct tables *tables, const struct points *points, int64_t point)
 {
-    struct run *run = (struct run *)points->block;
-    const struct run *template = (const struct run *)points->start;
-    write_numbers(run, points->start, (const char *)(points->numbers + point * 2 * (2 + template->states)));
-    return enter_at_start(run, tables, mode_of_point(points, template, point), points->surfaces[point]);
+    struct tables own = *tables;
+    own.numbers += point * points->numbers_step;
+    own.selection.constants += own.selection.constants ? point * points->numbers_step : 0;
+    return own;
 }
 
 /* Store the end of a point's run. */
-static void finish_point(const struct points *points, int64_t code, int64_t point)
+static void finish_point(const struct points *points, const struct lane *lane, int64_t code)
 {
-    const struct run *run = (const struct run *)points->block;
+    const struct run *run = (const struct run *)lane->block;
     const struct places p = places_of_run(run);
-    struct end *end = points->ends + point;
+    struct end *end = points->ends + lane->point;
     end->time = run->time, end->time_low = run->time_low, end->code = code, end->mode = run->mode;
     end->steps = run->steps, end->expansions = run->expansions, end->guard_evaluations = run->guard_evaluations;
-    memcpy(mode_of_point(points, run, point), points->block + p.entries,
+    memcpy(mode_of_point(points, run, lane->point), lane->block + p.entries,
            (size_t)words_of(run->contacts) * sizeof(double));
-    memcpy(points->states + point * run->states, points->block + p.state, (size_t)run->states * sizeof(double));
+    memcpy(points->states + lane->point * run->states, lane->block + p.state, (size_t)run->states * sizeof(double));
 }
 
 /* Store the result of a call of the loop; return whether the point's run continues. */
-static bool take_in(struct progress *progress, const struct points *points, int64_t code, const struct buffer *buffer)
+static bool take_in(struct lane *lane, const struct points *points, int64_t code)
 {
-    struct run *run = (struct run *)points->block;
-    const struct places p = places_of_run(run);
+    struct run *run = (struct run *)lane->block;
     bool spent = code == BUDGET_SPENT, going_on = code == BLOCK_FULL || (spent && run->steps < run->most_steps);
-    struct end *end = points->ends + progress->point;
+    struct end *end = points->ends + lane->point;
     if (!(going_on || spent || code == HORIZON || code == STOPPED)) {
-        progress->kept = progress->kept_before, end->code = SET_ASIDE;
+        lane->filled = lane->finished, end->code = SET_ASIDE;
         return false;
     }
     end->transitions += run->transitions;
-    keep_transitions(progress, points->block + p.records, run->transitions, buffer);
+    keep_transitions(lane, points, lane->block + places_of_run(run).records, run->transitions);
     run->transitions = 0;
     if (!going_on)
-        finish_point(points, code, progress->point);
+        finish_point(points, lane, code);
     return going_on;
 }
 
-/* Begin the run of the next point; false if the point is set aside. */
-static bool start_next(struct progress *progress, const struct points *points, const struct tables *tables,
-                       const struct buffer *buffer)
+/* Lanes, with the work space and the compiled modes of their runs. */
+struct in_progress {
+    struct lane *lanes;
+    int64_t count;
+    struct points *points;
+    const struct tables *tables;
+    int64_t steps; /* taken in this call */
+    struct work work[MOST_LANES];
+    struct tables own[MOST_LANES];
+};
+
+/* Prepare the work space of a lane's run. */
+static void prepare(struct in_progress *all, int64_t i)
 {
-    int64_t point = progress->point;
-    if (*mode_of_point(points, (const struct run *)points->start, point) == SET_ASIDE || !begin_point(points, tables, point)) {
+    struct lane *lane = all->lanes + i;
+    all->own[i] = tables_of_point(all->tables, all->points, lane->point);
+    all->work[i] = work_to_proceed((struct run *)lane->block, all->own + i);
+}
+
+/* Begin the run of the next point; false if the point is set aside. */
+static bool start_next(struct in_progress *all, int64_t i)
+{
+    struct points *points = all->points;
+    struct lane *lane = all->lanes + i;
+    int64_t point = lane->point = points->next++;
+    struct run *run = (struct run *)lane->block;
+    const struct run *template = (const struct run *)points->start;
+    const struct tables own = tables_of_point(all->tables, points, point);
+    int64_t *mode = mode_of_point(points, template, point);
+    write_numbers(run, points->start, (const char *)(points->numbers + point * 2 * (2 + template->states)));
+    if (*mode == SET_ASIDE || !enter_at_start(run, &own, mode, points->surfaces[point])) {
         points->ends[point].code = SET_ASIDE;
         return false;
     }
-    for (int64_t i = 0; i < buffer->surfaces; i++)
-        buffer->pending[i * buffer->width] = 0.0;
+    for (int64_t k = 0; k < points->surface_count; k++)
+        lane->pending[k * points->width] = 0.0;
     points->ends[point].transitions = 0;
-    progress->running = 1, progress->kept_before = progress->kept;
+    lane->running = 1, lane->finished = lane->filled;
+    prepare(all, i);
     return true;
 }
 
-/* Run the points until all are done, or Python is needed; return an enum points_code.
+/* Run points in a lane until one reaches a step that is taken together with other lanes, or until no point is left or
+ * Python is needed (false); set the lane's code. */
+static bool run_lane(struct in_progress *all, int64_t i)
+{
+    struct points *points = all->points;
+    struct lane *lane = all->lanes + i;
+    struct run *run = (struct run *)lane->block;
+    while (all->steps < points->steps) {
+        if (lane->running == 0) {
+            if (points->next >= points->count)
+                return lane->code = DONE, true;
+            if (!start_next(all, i))
+                continue;
+        }
+        if (lane->filled + run->transition_capacity + points->surface_count > lane->capacity)
+            return lane->code = BUFFER_FULL, false;
+        int64_t before = run->steps, code = proceed(all->work + i);
+        all->steps += run->steps - before;
+        if (code == BEFORE_STEP)
+            return lane->code = WAITING, true;
+        if (!take_in(lane, points, code)) {
+            lane->running = 0, lane->finished = lane->filled;
+            if (points->stop_aside != 0 && points->ends[lane->point].code == SET_ASIDE)
+                return lane->code = ASIDE, false;
+        }
+    }
+    return lane->code = RUNNING, true;
+}
+
+/* Find the largest group of waiting lanes whose modes have the same code, at most LANES; return its size. */
+static int64_t largest_group(const struct in_progress *all, int64_t *group)
+{
+    int64_t most = 0;
+    for (int64_t i = 0; i < all->count && most < LANES; i++) {
+        int64_t found[LANES], size = 0;
+        for (int64_t j = i; all->lanes[i].code == WAITING && j < all->count && size < LANES; j++)
+            if (all->lanes[j].code == WAITING && all->work[j].mode->lanes == all->work[i].mode->lanes)
+                found[size++] = j;
+        if (size > most)
+            memcpy(group, found, sizeof found), most = size;
+    }
+    return most;
+}
+
+/* Expand the runs of a group of lanes at once; each lane then goes on with its own coefficients. The lanes of vectors
+ * that are left over repeat the first run. */
+static void expand_together(struct in_progress *all, const int64_t *group, int64_t size)
+{
+    double times[3 * LANES], *c[LANES];
+    const double *x[LANES], *constants[LANES];
+    for (int64_t k = 0; k < LANES; k++) {
+        const struct work *w = all->work + group[k < size ? k : 0];
+        times[k] = w->run->time, times[LANES + k] = w->run->time_low, times[2 * LANES + k] = w->run->unit;
+        x[k] = w->x, constants[k] = w->constants, c[k] = w->c;
+    }
+    lower_range_flags();
+    all->work[group[0]].mode->lanes(times, x, constants, c);
+    int64_t stepping = raised_range_flags() == 0 ? FROM_LANES : ONCE_ALONE;
+    for (int64_t k = 0; k < size; k++)
+        all->work[group[k]].run->stepping = stepping;
+}
+
+/* Run the points until all are done or a lane needs Python; return the number of steps taken.
  *
  * tables: those of the first point, or of all points.
  */
-HENON_EXPORT int64_t run_points(struct progress *progress, const struct points *points, const struct tables *tables,
-                                const struct buffer *buffer)
+HENON_EXPORT int64_t run_points(struct lane *lanes, int64_t count, struct points *points, const struct tables *tables)
 {
-    struct run *run = (struct run *)points->block;
-    int64_t spent = 0;
-    while (progress->point < points->count) {
-        int64_t point = progress->point;
-        struct tables own = *tables;
-        own.numbers += point * points->numbers_step;
-        own.selection.constants += own.selection.constants ? point * points->numbers_step : 0;
-        if (progress->running == 0 && !start_next(progress, points, &own, buffer)) {
-            progress->point += 1;
-            continue;
-        }
-        if (progress->kept + run->transition_capacity + buffer->surfaces > buffer->capacity)
-            return BUFFER_FULL;
-        int64_t before = run->steps;
-        int64_t code = advance(run, &own, NULL, 0);
-        spent += run->steps - before;
-        if (!take_in(progress, points, code, buffer)) {
-            progress->running = 0;
-            progress->point += 1;
-            if (progress->stop_aside != 0 && points->ends[point].code == SET_ASIDE)
-                return ASIDE;
-        }
-        if (spent > progress->steps)
-            return PAUSE;
+    struct in_progress all = {.lanes = lanes, .count = count, .points = points, .tables = tables};
+    int64_t group[LANES], size;
+    bool on = true; /* no lane needs Python */
+    for (int64_t i = 0; i < count; i++) {
+        if (lanes[i].running)
+            prepare(&all, i);
+        on = run_lane(&all, i) && on;
     }
-    return DONE;
+    while (on && all.steps < points->steps && (size = largest_group(&all, group)) > 0) {
+        if (size > 1)
+            expand_together(&all, group, size);
+        else
+            all.work[group[0]].run->stepping = ONCE_ALONE;
+        for (int64_t k = 0; k < size; k++)
+            on = run_lane(&all, group[k]) && on;
+    }
+    return all.steps;
 }

@@ -86,11 +86,19 @@ static inline double proposed_step(const struct work *w, int64_t rows, int64_t z
     return theta;
 }
 
+/* Whether multiprecision has examined the guards here twice: if it has kept the mode, they decide nothing on the next
+ * step. */
+static inline bool decided_twice(const struct run *run)
+{
+    return run->guard == NOWHERE && run->events_at_once > 1;
+}
+
 /* Take steps on which no guard can reach zero; return with the coefficients of the first step that must be examined.
  *
  * "alone": examine the first step, as is necessary if a guard is at zero or may have a branch point. "shrunk": the unit
  * was shortened for a near event, and must not grow here. Returns ON, and the proposed step; or BUDGET_SPENT, STALLED
- * if the step size is zero, DIVERGED, STEPS_FULL, or OUT_OF_RANGE.
+ * if the step size is zero, DIVERGED, STEPS_FULL, or OUT_OF_RANGE; or BEFORE_STEP, if the run steps together with other
+ * runs.
  */
 static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, int64_t stop_at, double *proposed)
 {
@@ -104,10 +112,16 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
     while (true) {
         if (run->steps >= stop_at)
             return BUDGET_SPENT;
+        if (run->stepping == TOGETHER && w->mode->lanes && !shrunk && !decided_twice(run))
+            return BEFORE_STEP;
         double left = remaining(run), unit = run->unit;
-        lower_range_flags();
-        expand(w, w->x, w->c);
-        int raised = raised_range_flags();
+        int raised = 0;
+        if (run->stepping != FROM_LANES) {
+            lower_range_flags();
+            expand(w, w->x, w->c);
+            raised = raised_range_flags();
+        }
+        run->stepping = least(run->stepping, TOGETHER);
         run->expansions += 1;
         double theta = proposed_step(w, rows, zeros);
         if (theta < SHORT || (theta > 1e6 && unit < left && !shrunk)) {
@@ -121,6 +135,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
             if (new < 0.5 * unit || new > 2.0 * unit) {
                 shrunk = shrunk || new < unit;
                 run->unit = new;
+                run->stepping = run->stepping == TOGETHER ? ONCE_ALONE : ALONE; /* "last" is not the unit now */
                 continue;
             }
         }

@@ -10,7 +10,7 @@
 #define UNLIMITED 1e30
 /* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
 #define GAP_RATIO 1e-5
-/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms: its error may be 100 times as large. */
+/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms, with an error 100 times as large. */
 #define HIDDEN_GROWTH 5.0
 
 /* (above / below) ^ power to about one part in 100, which is enough for a step size. Both numbers are positive.
@@ -30,6 +30,14 @@ static inline double rough_root(double above, double below, double power)
 static inline bool without_size(const double *row)
 {
     return row[0] == 0.0 && row[1] == 0.0 && row[2] == 0.0;
+}
+
+static inline bool some_without_size(const struct work *w, const double *c)
+{
+    bool found = false;
+    for (int64_t r = 0; r < w->run->states; r++)
+        found = found || without_size(c + r * w->width);
+    return found;
 }
 
 /* Largest relative sizes of the last two coefficients, over all rows of an expansion, on a step of theta units.
@@ -79,7 +87,7 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     double power = 1.0 / (double)w->run->order, other = 1.0 / (double)(w->run->order - 1);
     if (!(norms[2] < INFINITY))
         return 0.0;
-    if (larger(last, before) > 1e200) /* a state without a size */
+    if (larger(last, before) > 1.0 && some_without_size(w, c)) /* otherwise the unit is near the step */
         error_norms(w, c, rows, theta, &last, &before);
     for (int step = 0; step < 4; step++) {
         double new = UNLIMITED;
@@ -95,15 +103,15 @@ static inline double step_size(const struct work *w, const double *c, int64_t ro
     return smaller(theta, longest);
 }
 
-/* Bound the rounding of the own operations of slopes and guards where a step begins ("own_rounding"). Mark guards as
- * faint, so that they limit no step, if their coefficients are only rounding of theirs. */
+/* Bound the rounding of the slopes' own operations where a step begins ("own_rounding"). Mark guards as faint, so that
+ * they limit no step, if their coefficients are only rounding of theirs. */
 static void account_for_rounding(const struct work *w)
 {
     const struct run *run = w->run;
     int64_t n = run->states;
     w->mode->rounding(run->time, run->time_low, OWN_ROUNDING, w->x, w->constants, w->ahead);
-    for (int64_t r = 0; r < n + w->mode->guards; r++)
-        w->own_rounding[r] = w->ahead[r] < INFINITY ? (r < n ? run->unit : 1.0) * w->ahead[r] : 0.0;
+    for (int64_t i = 0; i < n; i++)
+        w->own_rounding[i] = w->ahead[i] < INFINITY ? run->unit * w->ahead[i] : 0.0;
     for (int64_t g = 0; g < w->mode->guards; g++) {
         const double *row = guard_row(w, g);
         double size = fabs(row[0]) + fabs(row[1]) + fabs(row[2]);
@@ -155,8 +163,8 @@ static double size_of_terms(const double *row, int64_t first, int64_t order, dou
     return size;
 }
 
-/* Check whether series may have hidden terms (has_hidden_terms in validation.c): at the start and after an event, where a
- * state may be symmetric or a forcing may begin, and where the proposed step is longer than the last one. */
+/* Check whether series may have hidden terms (has_hidden_terms in validation.c): at the start and after an event, where
+ * a state may be symmetric or a forcing may begin, and where the proposed step is longer than the last one. */
 static inline bool may_hide_terms(const struct work *w, double step, double last)
 {
     const struct run *run = w->run;

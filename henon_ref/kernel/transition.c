@@ -209,7 +209,7 @@ static int64_t apply_event(struct work *w)
     int64_t index = guard->index, side = guard->side, mode = run->mode;
     int64_t back = go_over(w, index, found.mode);
     if (found.kind == RELEASED && found.zeros < 0) {
-        found.zeros = zeros_ahead(w, w->mode, index, 1, expand_mode(w, run->mode));
+        found.zeros = zeros_ahead(w, w->mode, index, -found.zeros, expand_mode(w, run->mode));
     } else if (found.kind == RELEASED && found.zeros == 0) {
         run->expansions += 1;
         found.zeros = zeros_at_release(w->mode, index, speeds_at(w));

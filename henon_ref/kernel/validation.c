@@ -114,27 +114,35 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
     return found;
 }
 
-/* Estimate the rounding error of each slope of a state and of each guard at "point", written to "change".
+/* Estimate the rounding error of each slope of a state and of each guard at "point" and time "end", written to "change".
  *
- * The estimate compares the values at two neighbours, whose states differ by a few units in the last place, in one
- * direction and in alternating ones: no number of terms predicts how the root of an argument next to zero amplifies
- * rounding. "ahead", the expansion of the point by "code" at time "end", is restored.
+ * The error is at least the bound of the own operations, except of guards with branch points. "neighbours": the values
+ * at two neighbours are compared, too, whose states differ by a few units in the last place, in one direction and in
+ * alternating ones: no number of terms predicts how the root of an argument next to zero amplifies rounding. "ahead",
+ * the expansion of the point by "code", is restored.
  */
-static void measure_rounding(const struct work *w, expand_code code, double end)
+static void measure_rounding(const struct work *w, expand_code code, struct pair end, bool neighbours)
 {
     struct run *run = w->run;
     int64_t n = run->states, rows = n + w->mode->guards;
     double *rounding = w->change, *point = w->point;
+    w->mode->rounding(end.high, end.low, OWN_ROUNDING, point, w->constants, rounding);
+    for (int64_t r = 0; r < rows; r++) {
+        bool smooth = r < n || w->mode->guard[r - n].branches == 0;
+        rounding[r] = smooth && rounding[r] < INFINITY ? (r < n ? run->unit : 1.0) * rounding[r] : 0.0;
+    }
+    if (!neighbours)
+        return;
     for (int64_t r = 0; r < rows; r++) {
         double *row = row_ahead(w, r);
-        rounding[r] = 0.0, row[2] = row[r < n ? 1 : 0];
+        row[2] = row[r < n ? 1 : 0];
         if (r < n)
             row[3] = point[r];
     }
     for (int neighbour = 0; neighbour < 2; neighbour++) {
         for (int64_t i = 0; i < n; i++)
             point[i] += (neighbour == 0 || i % 2 == 0 ? 2.0 : -2.0) * EPS * point[i];
-        w->mode->slopes(end, run->time_low, run->unit, point, w->constants, w->ahead);
+        w->mode->slopes(end.high, end.low, run->unit, point, w->constants, w->ahead);
         for (int64_t r = 0; r < rows; r++) {
             const double *row = row_ahead(w, r);
             rounding[r] = larger(rounding[r], SPREAD * fabs(row[r < n ? 1 : 0] - row[2]));
@@ -142,7 +150,7 @@ static void measure_rounding(const struct work *w, expand_code code, double end)
                 point[r] = row[3];
         }
     }
-    code(end, run->time_low, run->unit, point, w->constants, w->ahead);
+    code(end.high, end.low, run->unit, point, w->constants, w->ahead);
     run->expansions += 3;
 }
 
@@ -215,17 +223,18 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
-    double end = run->time + at * run->unit;
+    struct pair end = time_after(run, at * run->unit);
     expand_code code = slopes ? slopes : w->mode->expansion;
     w->mode->step_end(at, w->c, w->change);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
-    code(end, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    code(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
-    bool measurable = hidden && !w->mode->branches; /* next to a branch point no slope is excused so */
-    bool measured = false, near = true; /* near: no prediction is far off */
+    bool branches = w->mode->branches != 0; /* next to a branch point no slope is excused by its rounding error */
+    bool near = true; /* no prediction is far off */
+    int measured = 0; /* 1: rounding of the slopes; 2: also that of the states */
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
             continue;
@@ -235,21 +244,21 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there), terms = size - fabs(there);
-        if (measurable) /* an error of the slope is one of the state over the step, as the step size counts it */
+        if (hidden && !branches) /* an error of the slope is one of the state over the step, as the step size counts it */
             size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         if (r < n)
             size = larger(size, reached(w, r, there, at, found->longest));
         /* A slope that moves its state by no more than rounding over the step, or is no larger than the rounding of its
-         * operations (1 - exp(-t^8) before t = 0.01), counts as zero, whatever its digits. So does the difference of a
-         * guard within rounding: of its operations (v - cos(t) after a release), or of the states (measured below). */
+         * operations (1 - exp(-t^8) before t = 0.01), counts as zero, whatever its digits. */
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
-        double least = r < n || smooth ? w->own_rounding[r] : 0.0;
-        least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, least) : least;
+        double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, w->own_rounding[r]) : 0.0;
         double allowed = larger(part * size, least);
-        if ((measurable || r >= n) && off > allowed) {
-            if (!measured)
-                measure_rounding(w, code, end);
-            measured = true;
+        if ((!branches || r >= n) && off > allowed) { /* next to zero a guard is mostly rounding */
+            int wanted = hidden || branches || r >= n ? 2 : 1;
+            if (measured < wanted) {
+                measure_rounding(w, code, end, wanted == 2);
+                measured = wanted;
+            }
             allowed = larger(allowed, w->change[r]);
         }
         if (!(off <= allowed)) {
@@ -277,10 +286,11 @@ static bool has_hidden_terms(const struct work *w, double theta)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
+    struct pair end = time_after(run, theta * run->unit);
     w->mode->step_end(theta, w->c, w->change);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
-    w->mode->slopes(run->time + theta * run->unit, run->time_low, run->unit, w->point, w->constants, w->ahead);
+    w->mode->slopes(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
     double *powers = w->powers, *slopes = w->scaled; /* theta^k; k theta^k */
     powers_of(theta, powers, order);

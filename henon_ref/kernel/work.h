@@ -87,7 +87,7 @@ HENON_EXPORT struct places places_of(int64_t states, int64_t guards, int64_t ord
     p.width = row_length(order);
     p.band = (p.end_of_state + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     p.room = p.band + (2 * (states + guards + 1) + ROOT_ROWS) * p.width;
-    p.origin = p.room + 4 * states + 6 * guards;
+    p.origin = p.room + 4 * states + 5 * guards;
     p.remembered = p.origin + 3 * states + 3;
     p.left = p.remembered + REMEMBERED_STEPS * (words ? words : 1);
     p.own = p.left + words;

@@ -20,7 +20,7 @@ from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
-SEVERAL = "several surfaces reset the state at once"
+SEVERAL_RESETS = "several surfaces reset the state at once"
 Terms = Sequence[tuple[Guard, Sequence[Any]]]
 """Guards of a mode, each with its Taylor coefficients in time."""
 
@@ -113,7 +113,7 @@ class _Rule:
         try:
             found = self._followed(decision, on, most, valid)
             beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
-            return self._no_rest(beside[:1], SEVERAL) if beside else found
+            return self._no_rest(beside[:1], SEVERAL_RESETS) if beside else found
         except ARITHMETIC:
             return AfterJump(_refused(f"a derivative after t = {numbers.at(t, after).when} is not finite"), after)
 
@@ -220,7 +220,7 @@ class _Rule:
                 return f"the force towards the surface changes with the sign of {signs} in flight"
         lasting = [time for time in times.values() if numbers.sign(time)]
         if lasting and self.several:
-            return SEVERAL
+            return SEVERAL_RESETS
         if at_rest.mode is None:
             return at_rest.reason
         try:

@@ -30,15 +30,9 @@ ARITHMETIC = (ZeroDivisionError, ValueError, OverflowError)
 def rounded(expression: sp.Expr) -> sp.Expr:
     """Return the expression with every constant part folded to one double.
 
-    Integers that a double represents exactly stay (exponents, unit factors); exponents stay exact.
+    Integers that a double represents exactly stay (exponents, unit factors); exponents stay exact. ModelError if a
+    constant is not a finite number (a mode that does not exist for these parameters).
 
-    Raises
-    ------
-    ModelError
-        If a constant is not a finite number (a mode that does not exist for these parameters).
-
-    Examples
-    --------
     >>> x = sp.Symbol("x", real=True)
     >>> rounded(sp.sqrt(3) / 9 * x)
     0.19245008972987526*x

@@ -27,7 +27,7 @@ from henon_ref.modes.resets import Impact, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
-MOST = 1000
+MAX_MAPS = 1000
 """Largest number of maps at one instant."""
 SHRUNK = 2.0**-10
 """Part of the size of its terms below which a speed that impacts have reduced cannot be distinguished from zero."""
@@ -119,10 +119,10 @@ class Cascade:
         """Return the instants from ``start``, with the first possible map each time, until none is due or known."""
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
-            if self._endless or self._count >= MOST:
+            if self._endless or self._count >= MAX_MAPS:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
                 when = self._numbers.at(self._t, made[-1].state).when
-                reason = f"more than {MOST} maps at one instant, t = {when}: resets of {names}"
+                reason = f"more than {MAX_MAPS} maps at one instant, t = {when}: resets of {names}"
                 return Decision("none", None, reason)
             made.append(self._after(made[-1], self._next(made[-1])[0]))
         return made

@@ -34,7 +34,7 @@ TIE = 1e-6
 """Relative acceleration, as a part of its terms, below which it may be zero."""
 ROUNDING = 1e-12
 """Part of its terms by which a number may exceed a bound through rounding."""
-PATIENCE = 10
+MAX_BLOCK_PIVOTS = 10
 """Largest number of successive block pivots without progress."""
 
 Row = list[Any]
@@ -91,7 +91,7 @@ def solved(problem: ContactProblem) -> Accelerations:
         scale * np.array([way * np.inf if v is None else float(v) for v in bounds])
         for way, bounds in ((-1, problem.lower), (1, problem.upper))
     )
-    entries, fewest, patience = np.zeros(count, dtype=int), count + 1, PATIENCE
+    entries, fewest, patience = np.zeros(count, dtype=int), count + 1, MAX_BLOCK_PIVOTS
     for _ in range(100 * (count + 1)):
         held = entries == 0
         forces = np.where(entries > 0, upper, np.where(entries < 0, lower, 0.0))
@@ -111,7 +111,7 @@ def solved(problem: ContactProblem) -> Accelerations:
             own = np.flatnonzero(held).tolist()
             clear = bool(inside.all()) and (len(own) < 2 or independent_of(problem, own) == own)
             return Accelerations(forces / scale, tuple(entries.tolist()), tuple(slips.tolist()), clear)
-        patience = PATIENCE if wrong.size < fewest else patience - 1
+        patience = MAX_BLOCK_PIVOTS if wrong.size < fewest else patience - 1
         fewest = min(fewest, wrong.size)
         turned = wrong if patience > 0 else wrong[-1:]
         entries[turned] = above[turned].astype(int) - below[turned].astype(int)

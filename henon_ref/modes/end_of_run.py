@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 def signs_in_mode(
     at: TapePoint, surfaces: Sequence[int], given: Mapping[int, int], part: float
 ) -> tuple[list[int], dict[int, int]]:
-    """Return the signs of the surfaces in a given mode, and this mode without hidden kinks of another sign.
+    """Return the signs of the surfaces in a given mode, and the entries of this mode that hold.
 
     The sign is 0 where it contradicts the mode and the state is off the surface by no more than the error of a run
-    (:func:`is_zero_up_to_error`).
+    (:func:`is_zero_up_to_error`). Entries that do not hold are those of hidden kinks with another sign, and rest on a
+    stop on which the state moves.
     """
     mode, signs, kept = tuple(given.get(i, sign) for i, sign in enumerate(surfaces)), list(surfaces), dict(given)
     for i, entry in given.items():
@@ -31,6 +32,8 @@ def signs_in_mode(
                 del kept[i]
             elif is_zero_up_to_error(at, mode, i, part):
                 signs[i] = 0
+        elif entry == signs[i] == 0 and at.system.rests(i) and not is_zero_up_to_error(at, mode, i, part):
+            del kept[i]
     return signs, kept
 
 

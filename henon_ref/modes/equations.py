@@ -137,8 +137,6 @@ def renamed(expressions: Sequence[sp.Expr]) -> tuple[tuple[sp.Expr, ...], dict[s
     Every symbol except time gets a name by its position among the sorted symbols of the expressions. Expressions of one
     pattern then become equal. Since SymPy orders terms by names, renaming back commutes with every operation on them.
 
-    Examples
-    --------
     >>> x, y = sp.symbols("x_7 x_8", real=True)
     >>> renamed([x - TIME * y])[0]
     (-t*z0002 + z0001,)

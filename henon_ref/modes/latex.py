@@ -38,8 +38,6 @@ def symbol(name: str) -> str:
 
     An index after an underscore is set upright, so that the state ``v_b`` is not the parameter ``vb``.
 
-    Examples
-    --------
     >>> symbol("x2"), symbol("vp"), symbol("mu0"), symbol("xi1"), symbol("q_1"), symbol("margin")
     ('x_{2}', 'v_{p}', '\\\\mu_{0}', '\\\\xi_{1}', 'q_{1}', '\\\\mathrm{margin}')
     >>> symbol("θ"), symbol("μ_k")
@@ -63,8 +61,6 @@ def symbol(name: str) -> str:
 def latex(expression: sp.Expr) -> str:
     """LaTeX of an expression, starting with a term without a minus sign if there is one.
 
-    Examples
-    --------
     >>> x, vp = sp.symbols("x vp")
     >>> latex(x - vp), latex(x - 2)
     ('x - v_{p}', 'x - 2')

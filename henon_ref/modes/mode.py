@@ -14,8 +14,6 @@ CLEAR = 1e-9
 def mode_text(mode: Sequence[int], signs: Sequence[str]) -> str:
     """Write a mode as the reports do.
 
-    Examples
-    --------
     >>> mode_text((1, 0), ["s", "u"])
     's=+1 u=0'
     """
@@ -38,8 +36,6 @@ def mode_number(mode: Mode) -> int:
 def numbered_mode(number: int, surfaces: int) -> Mode:
     """Return the mode with this number.
 
-    Examples
-    --------
     >>> numbered_mode(mode_number((1, 0, -1)), 3)
     (1, 0, -1)
     """
@@ -60,16 +56,10 @@ def transition_kind(before: int, after: int) -> Literal["stick", "release", "cro
 def sign_after(below: float, above: float) -> int | None:
     """Return the side on which a trajectory leaves a surface (-1, +1), 0 for sliding, None if two signs do not decide.
 
+    ``below``, ``above``: dh/dt of the fields on the negative and on the positive side, at a point of the surface h = 0.
     A trajectory that reaches the surface from one side crosses it if both fields point to the other side, and slides if
     both fields point at the surface (Filippov 1988, Sec. 4).
 
-    Parameters
-    ----------
-    below, above : float
-        dh/dt of the fields on the negative and on the positive side, at a point of the surface h = 0.
-
-    Examples
-    --------
     >>> sign_after(1.0, 2.0), sign_after(-1.0, -2.0), sign_after(1.0, -2.0)
     (1, -1, 0)
     >>> sign_after(-1.0, 2.0), sign_after(1.0, 1e-12)

@@ -172,11 +172,8 @@ class _Equations:
 
 @lru_cache(maxsize=32)
 def _overrides(equations: _Equations) -> dict[int, SlidingOverride]:
-    return _overrides_in_loops(equations.system)
-
-
-def _overrides_in_loops(system: FilippovSystem) -> dict[int, SlidingOverride]:
     """Return the overrides of contacts without static friction in loops, by surface."""
+    system = equations.system
     acting = [i for i, s in enumerate(system.signs) if i in system.overrides or system.normal_velocity(i).has(s)]
     if not relations(system.velocities, tuple(acting)):
         return {}

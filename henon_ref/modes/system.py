@@ -31,7 +31,7 @@ from henon_ref.taylor.tape import TIME
 if TYPE_CHECKING:
     from henon_ref.modes.decoupled_contacts import SwitchedEquations
 
-FEW = 3
+FEW_SURFACES = 3
 """Largest number of surfaces for which each mode has its own equations; above it, modes share one set."""
 
 
@@ -39,11 +39,8 @@ FEW = 3
 class FilippovSystem(SwitchedField):
     """``x' = f(t, x, s)`` with surfaces ``h_i(t, x)`` and sign symbols ``s_i``.
 
-    Raises
-    ------
-    ModelError
-        From :meth:`equations`, if a mode has no equations (signs that multiply each other on an intersection, held
-        contacts that act on each other without a solution).
+    ModelError from :meth:`equations`, if a mode has no equations (signs that multiply each other on an intersection,
+    held contacts that act on each other without a solution).
     """
 
     written: Mapping[sp.Symbol, str] = dataclass_field(default_factory=dict)
@@ -160,7 +157,7 @@ class FilippovSystem(SwitchedField):
     @cached_property
     def switched(self) -> SwitchedEquations | None:
         """One set of equations for all modes of many contacts; None for few surfaces or other systems."""
-        if len(self.surfaces) <= FEW:
+        if len(self.surfaces) <= FEW_SURFACES:
             return None
         from henon_ref.modes.coupled_contacts import coupled_equations  # few systems have many contacts
         from henon_ref.modes.decoupled_contacts import switched_equations

@@ -21,7 +21,7 @@ from henon_ref.simulation.system import System
 from henon_ref.terminal import notice_if_slow
 from henon_ref.trajectory import Counts, Status, Trajectory
 
-KEPT = 64
+MAX_COMPILED_SYSTEMS = 64
 """Largest number of cached compiled systems and orders; the least recently used one is dropped."""
 
 _kept: OrderedDict[tuple[object, int, frozenset[int]], Integrator] = OrderedDict()
@@ -41,7 +41,7 @@ def integrator_of(system: System, tolerance: float, open_kinks: frozenset[int] =
             return _kept[key]
         made = Integrator(replace(system.model, parameters={}, open_kinks=open_kinks), key[1])
         _kept[key] = made
-        while len(_kept) > KEPT:
+        while len(_kept) > MAX_COMPILED_SYSTEMS:
             _kept.popitem(last=False)
         return made
 
@@ -73,7 +73,7 @@ def launch(
         error = local_error(tolerance_of(tolerance))
         given = {"until": until, "start": start, "parameters": parameters, "mode": mode}
         own, problem = problem_of(system, initial, **given, error=error)
-        with notice_if_slow("compiling the system"):
+        with notice_if_slow():
             integrator = integrator_of(own, error, problem.system.open_kinks)
             with one_at_a_time():
                 begin = integrator.start(problem, tolerance=error)

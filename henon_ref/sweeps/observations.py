@@ -212,8 +212,6 @@ def _surface(system: System, name: str) -> int:
 def rank_in_run(run: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return how many entries of the same run precede each entry; entries of a run must be consecutive.
 
-    Examples
-    --------
     >>> rank_in_run(np.array([0, 0, 2, 2, 2])).tolist()
     [0, 1, 0, 1, 2]
     """

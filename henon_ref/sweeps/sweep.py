@@ -174,7 +174,7 @@ def done(
 def _run(
     plan: Plan, folder: SweepFolder | None, ahead: Sequence[int], jobs: int, executor: Any, advance: Advance
 ) -> Iterator[tuple[int, Tables]]:
-    with notice_if_slow("compiling the system"):
+    with notice_if_slow():
         plan.work.integrator()  # compile now, so that workers find it in the cache
     pickled = plan.work.pickled()
     refused: list[str] = []

@@ -45,7 +45,7 @@ def build_problem(source: Source, part: float = 0.0) -> Problem:
     _check_start(source, problem)
     problem = replace(problem, initial_mode=_initial_mode(source, problem, part))
     if source.has_scene:
-        _check_stops(source, problem, part)
+        _check_stops(source, problem)
     return problem
 
 
@@ -273,34 +273,24 @@ def _without_value(problem: Problem, expression: sp.Expr) -> bool:
     return value.has(*NOT_FINITE) or value.is_real is False or any(ends)
 
 
-def _check_stops(source: Source, problem: Problem, part: float) -> None:
-    """Raise CaseError if a scene starts beyond a hard stop, or on one and moving into it; an error is left out."""
+def _check_stops(source: Source, problem: Problem) -> None:
+    """Raise CaseError if a scene starts beyond a hard stop, or on one and moving into it.
+
+    If the mode is given, the start beyond a stop is an error, and a start that moves into it begins with the impact.
+    """
     from henon_ref.modes.resets import impact_of, into_surface
 
     system, given = problem.system, problem.initial_mode
     for i in sorted(system.resets):
-        name, impact = system.sign_names[i], impact_of(system, i)
-        side = _side_at_start(problem, system.surfaces[i])
-        if side < 0 and given.get(i, -1) < 0:
+        name, impact, side = system.sign_names[i], impact_of(system, i), _side_at_start(problem, system.surfaces[i])
+        if given.get(i, -1) >= 0:
+            continue
+        if side < 0:
             message = f"the start is beyond the stop {name}: x_p - x_q is less than its gap"
             raise source.error(("initial",), message, key=True)
-        moves_in = side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0
-        if moves_in and not (i in given and _rests(problem, i, part)):
+        if side == 0 and impact is not None and _side_at_start(problem, impact.speed) < 0:
             reason = into_surface(name, str(problem.start))
             raise source.error(("initial",), f"the start is invalid: {reason}", key=True)
-
-
-def _rests(problem: Problem, stop: int, part: float) -> bool:
-    """Check whether a start on a stop rests there in its given mode, up to an error."""
-    from henon_ref.modes.end_of_run import is_zero_up_to_error  # rarely needed
-    from henon_ref.modes.mode_evaluation import in_doubles
-
-    mode = tuple(problem.initial_mode.get(i, side) for i, side in enumerate(_sides(problem)))
-    return (
-        part > 0
-        and mode[stop] == 0
-        and is_zero_up_to_error(in_doubles(problem.system).at_start(problem), mode, stop, part)
-    )
 
 
 def _delicate(system: FilippovSystem) -> list[tuple[str, sp.Expr]]:
@@ -327,23 +317,21 @@ def _initial_mode(source: Source, problem: Problem, part: float) -> dict[int, in
         entry = int(source.text(path))
         if name not in order:
             raise source.unknown(path, f"'{name}' is not a surface", "surfaces", order)
-        index = order.index(name)
-        modes[index] = entry
+        modes[order.index(name)] = entry
     signs = {i: _side_at_start(problem, problem.system.surfaces[i]) for i in modes}
-    if part and any(signs[i] not in (0, entry) for i, entry in modes.items()):
+    resting = any(entry == 0 and problem.system.rests(i) for i, entry in modes.items())
+    if resting or (part and any(signs[i] not in (0, entry) for i, entry in modes.items())):
         from henon_ref.modes.end_of_run import signs_in_mode  # rarely needed
         from henon_ref.modes.mode_evaluation import in_doubles
 
-        at = in_doubles(problem.system).at_start(problem)
-        found, modes = signs_in_mode(at, _sides(problem), modes, part)
+        found, modes = signs_in_mode(in_doubles(problem.system).at_start(problem), _sides(problem), modes, part)
         signs = dict(enumerate(found))
     for i, entry in modes.items():
         if signs[i] not in (0, entry):
             what = f"the start is not on the surface of '{order[i]}', whose sign is {signs[i]:+d} there"
             raise source.error(("initial", "mode", order[i]), what)
-    sliding = frozenset(index for index, entry in modes.items() if entry == 0)
     try:
-        problem.system.shared_equations(sliding)
+        problem.system.shared_equations(frozenset(i for i, entry in modes.items() if entry == 0))
     except ModelError as error:
         raise source.error(("initial", "mode"), f"the surfaces with mode 0 cannot slide together: {error}") from error
     return modes

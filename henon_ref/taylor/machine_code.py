@@ -53,7 +53,7 @@ def machine_code(*parts: Part, optimised: bool = True, simplified: bool | None =
 
 
 def _writers() -> dict[str, Any]:
-    from henon_ref.taylor.llvm.expansion import expansion_ir, values_ir
+    from henon_ref.taylor.llvm.expansion import expansion_ir, lanes_expansion_ir, values_ir
     from henon_ref.taylor.llvm.looped import looped_expansion_ir
     from henon_ref.taylor.llvm.rounding import rounding_ir
     from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
@@ -61,6 +61,7 @@ def _writers() -> dict[str, Any]:
     return {
         "expansion": expansion_ir,
         "looped expansion": looped_expansion_ir,
+        "lanes": lanes_expansion_ir,
         "step end": step_end_ir,
         "looped step end": looped_step_end_ir,
         "rounding": rounding_ir,

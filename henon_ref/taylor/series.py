@@ -42,23 +42,12 @@ def expand(
 ) -> tuple[list[list[Any]], list[list[Any]]]:
     """Taylor coefficients of the solution through (time, state), and of the tape's outputs along it.
 
-    Parameters
-    ----------
-    constants : sequence
-        ``tape.constants`` as numbers of the ring.
-    time, state
-        Initial point of the solution.
-    order : int
-        Highest order computed.
-    unit : optional
-        Time unit, a number of the ring: coefficient k is multiplied by ``unit**k``. Default 1.
-    enough : callable, optional
-        Called after each order with the two lists below as far as computed; True stops the expansion.
+    ``constants`` are ``tape.constants`` as numbers of the ring, and ``order`` is the highest order computed. ``unit``:
+    time unit, a number of the ring; coefficient k is multiplied by ``unit**k`` (None: 1). ``enough`` is called after
+    each order with the two lists below as far as computed; True stops the expansion.
 
-    Returns
-    -------
-    states : list of n lists of ``order + 1`` coefficients, or fewer if ``enough`` stopped the expansion
-    outputs : list of ``len(tape.outputs)`` such lists
+    Returns n lists of ``order + 1`` coefficients of the states, or fewer if ``enough`` stopped the expansion, and
+    ``len(tape.outputs)`` such lists.
     """
     solution = [[value] for value in state]
     series, steps = _recurrences(tape, constants, time, solution, ring, unit)

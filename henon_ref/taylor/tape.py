@@ -61,6 +61,12 @@ class Tape:
         """Number of nodes of each operation, a measure of a model's cost."""
         return dict(sorted(Counter(node.op for node in self.nodes).items()))
 
+    @property
+    def degree(self) -> int:
+        """Bound of the degree in time of all states and outputs along every solution."""
+        nodes = self.nodes
+        return max([nodes[row].degree + 1 for row in self.field] + [nodes[row].degree for row in self.outputs])
+
     def part(self, outputs: Sequence[int]) -> Tape:
         """Return the tape of some outputs without the field; the constants keep their indices."""
         needed = self.needed(self.outputs[at] for at in outputs)
@@ -89,20 +95,10 @@ def build_tape(
 ) -> Tape:
     """Write a smooth field and further functions of time and state as a tape.
 
-    Parameters
-    ----------
-    field : iterable of Expr
-        x_i' in time, states and constants (parameters, slip signs: every other symbol).
-    outputs : iterable of Expr
-        Further functions whose series along the solution are computed.
-    definitions : sequence of (Symbol, Expr)
-        Names used in these expressions, with their values, each in terms of earlier names. A name is a node of its
-        own, even if its value is constant: it is not merged with other constants.
-
-    Raises
-    ------
-    ModelError
-        If a function has no coefficient recurrence here (sign, Abs, Piecewise ...).
+    ``field``: x_i' in time, states and constants (parameters, slip signs: every other symbol); ``outputs``: further
+    functions whose series along the solution are computed; ``definitions``: names used in these expressions, with their
+    values, each in terms of earlier names. A name is a node of its own, even if its value is constant: it is not merged
+    with other constants. ModelError if a function has no coefficient recurrence here (sign, Abs, Piecewise ...).
     """
     field, outputs = list(field), list(outputs)
     named = [expression for _, expression in definitions]

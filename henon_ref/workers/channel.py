@@ -19,7 +19,7 @@ import sys
 from collections.abc import Iterator
 from typing import BinaryIO
 
-LARGEST = 2**28
+MAX_MESSAGE = 2**28
 """Largest size of a solver's message [bytes]."""
 MAGIC = b"hr1\n"
 TOKEN = 16
@@ -28,7 +28,7 @@ NO_TOKEN = bytes(TOKEN)
 _HEAD = struct.Struct(f"=4s{TOKEN}siQ")
 """Magic number, token, process number of the sender, length of the pickle."""
 _CREDENTIALS = struct.Struct("=iii")
-_AT_ONCE = 1 << 18
+_READ_SIZE = 1 << 18
 """Number of bytes read by one call."""
 _VOUCHED = sys.platform == "linux"
 
@@ -50,7 +50,7 @@ def framed(token: bytes, pickled: bytes) -> bytes:
 class Channel:
     """The caller's end of the channel; ``largest``: largest size of a message [bytes], None: unlimited."""
 
-    def __init__(self, own: socket.socket, largest: int | None = LARGEST) -> None:
+    def __init__(self, own: socket.socket, largest: int | None = MAX_MESSAGE) -> None:
         self.socket, self.largest = own, largest
         own.setblocking(False)
         if _VOUCHED:
@@ -72,7 +72,7 @@ class Channel:
         """Send as much of the remaining data as possible without blocking."""
         try:
             while self.waiting:
-                del self.waiting[: self.socket.send(bytes(self.waiting[:_AT_ONCE]))]
+                del self.waiting[: self.socket.send(bytes(self.waiting[:_READ_SIZE]))]
         except BlockingIOError:
             return
         except OSError:  # the worker has ended, which is detected elsewhere
@@ -103,8 +103,8 @@ class Channel:
 
     def _piece(self) -> tuple[bytes, list[tuple[int, int, bytes]]]:
         if not _VOUCHED:
-            return self.socket.recv(_AT_ONCE), []
-        return self.socket.recvmsg(_AT_ONCE, socket.CMSG_SPACE(_CREDENTIALS.size))[:2]
+            return self.socket.recv(_READ_SIZE), []
+        return self.socket.recvmsg(_READ_SIZE, socket.CMSG_SPACE(_CREDENTIALS.size))[:2]
 
     def _messages(self) -> Iterator[tuple[bytes, bytes]]:
         """Yield the complete messages among the received data."""

@@ -7,8 +7,8 @@ are free, several work on a queue.
 
 A worker that misses its deadline, dies, exceeds its memory or sends anything but a reply is killed with its
 descendants. Its job has then failed, and the sequence continues with a new worker. Deadlines are in processor time of
-the worker and its descendants. A second limit is on wall time, :data:`WALL` times as long, not counting the time in
-which the worker or the caller was ready to run but had no processor. If processor time is unknown (outside Linux),
+the worker and its descendants. A second limit is on wall time, :data:`WALL_FACTOR` times as long, not counting the time
+in which the worker or the caller was ready to run but had no processor. If processor time is unknown (outside Linux),
 only the limit on wall time holds, and memory is bounded at most by the system's limit per process. When
 :meth:`WorkerPool.run` ends, by whatever exception, no worker is left.
 
@@ -33,11 +33,11 @@ from henon_ref.workers.channel import NO_TOKEN, NoReply, new_token
 from henon_ref.workers.worker import REPLY, Failure, Job, failure_of
 from henon_ref.workers.worker_process import WorkerProcess, exchange, start_method
 
-WALL = 3.0
+WALL_FACTOR = 3.0
 """Wall time that a job may take, as a multiple of its deadline."""
 COMPILE_SECONDS = 120.0
 """Processor time that a job may spend on compiling that its preparation did not cover [s]."""
-REUSED = 0.25
+MAX_REUSED_GROWTH = 0.25
 """Largest growth of a worker that is reused for another sequence, as a fraction of its memory limit."""
 
 Jobs = Generator[Job, Any, None]
@@ -80,9 +80,9 @@ class _Task:
         if self.compiling_since is not None:
             since, before = self.compiling_since
             spent = self.compiled + used - before
-            return spent > COMPILE_SECONDS or now - since > WALL * COMPILE_SECONDS
+            return spent > COMPILE_SECONDS or now - since > WALL_FACTOR * COMPILE_SECONDS
         own = used - self.used_before - self.compiled
-        return own > self.job.seconds or now - self.began > WALL * self.job.seconds
+        return own > self.job.seconds or now - self.began > WALL_FACTOR * self.job.seconds
 
 
 class WorkerPool:
@@ -165,7 +165,7 @@ class WorkerPool:
         if worker is None:
             return
         grown = worker.resident - (worker.began_with or 0)
-        few = self.memory is None or grown <= REUSED * self.memory
+        few = self.memory is None or grown <= MAX_REUSED_GROWTH * self.memory
         if task.queue in self._waiting and worker.ended is None and few:
             self._begin(task.queue, worker)
         else:

@@ -28,7 +28,7 @@ from dataclasses import dataclass, field
 from multiprocessing import parent_process
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from henon_ref.errors import ContractError, UnavailableError, UnsupportedError
+from henon_ref.errors import ContractError, DeadlineError, UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import compile_listener
 from henon_ref.text import short_line
 from henon_ref.workers.channel import NO_TOKEN, framed, read_message
@@ -239,6 +239,8 @@ def failure_of(error: BaseException) -> Failure:
         return Failure("unavailable", text)
     if isinstance(error, MemoryError):
         return Failure("failed", "memory: the run needs more than the limit")
+    if isinstance(error, DeadlineError):
+        return Failure("timeout", text, ignored=True)
     if isinstance(error, ContractError):
         return Failure("failed", text)
     return Failure("failed", short_line(f"{type(error).__name__}: {text}" if text else type(error).__name__))

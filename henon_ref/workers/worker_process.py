@@ -31,7 +31,7 @@ from henon_ref.errors import CaseError, HenonRefError
 from henon_ref.jit.processor_time import waited_seconds
 from henon_ref.text import short_line
 from henon_ref.workers import ONE_THREAD
-from henon_ref.workers.channel import LARGEST, Channel
+from henon_ref.workers.channel import MAX_MESSAGE, Channel
 from henon_ref.workers.machine import KNOWN, family, kill_family, own_bytes, processor_seconds, resident_bytes
 from henon_ref.workers.worker import LAST_SECONDS, Failure, work
 
@@ -124,7 +124,7 @@ class WorkerProcess:
             )
         method = start_method()
         ours, theirs = socket.socketpair()
-        self.channel = Channel(ours, LARGEST if memory is not None else None)
+        self.channel = Channel(ours, MAX_MESSAGE if memory is not None else None)
         self._log: socket.socket | None = None
         log = None
         if memory is not None:

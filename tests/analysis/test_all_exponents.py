@@ -182,9 +182,9 @@ def test_a_surface_written_twice_changes_nothing() -> None:
 
 
 def test_vectors_that_are_parallel_to_the_last_bit_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("CONDITION", "TAKEN_BACK"):
+    for name in ("CONDITION", "MAX_CONDITION"):
         monkeypatch.setattr(tangent_frame, name, 1e300)
-    monkeypatch.setattr(tangent_frame, "FIRST", 1.0)
+    monkeypatch.setattr(tangent_frame, "FIRST_STRETCH", 1.0)
     system = hr.System(["x", "y"], {}, {"s": "x - 5"}, ["-x", "-20*y + x"])
     with pytest.raises(UnsupportedError, match="lost in rounding"):
         hr.lyapunov_exponents(system, {"x": 1, "y": 1}, span=10)

@@ -139,6 +139,6 @@ def test_what_slides_and_rests_leaves_no_coordinate_free() -> None:
 def test_only_the_last_transitions_are_examined(monkeypatch: pytest.MonkeyPatch) -> None:
     """At least three of them are required."""
     belt = hr.System(["x", "v"], {"F": 1, "d": 3, "vb": 0.2}, {"s": "v - vb"}, ["v", "-x - F*s/(1 + d*s*(v - vb))"])
-    monkeypatch.setattr("henon_ref.analysis.periodic_orbit.LAST", 2)
+    monkeypatch.setattr("henon_ref.analysis.periodic_orbit.LAST_TRANSITIONS", 2)
     with pytest.raises(hr.HenonRefError, match="does not repeat itself"):
         hr.periodic_orbit(belt, {"x": 1.5, "v": 0}, until=100)

@@ -109,6 +109,7 @@ def test_rational_parameters_may_use_each_other_in_a_long_chain() -> None:
         (changed('["1"]', '["2", "1"]'), "15:33", "in increasing order"),
         (changed('["1"]', '["7/2"]'), "15:28", "after 'until'"),
         (changed("[1e-6, 1e-9", "[1e-6, 1e-19"), "17:20", "between 1e-16 and 1"),
+        (changed("[1e-6, 1e-9", "[1e-6, 1e-400"), "17:20", "a tolerance lies between 1e-16 and 1, not 1e-400"),
         (changed("[1e-6, 1e-9", "[1e-6, '1e-9'"), "17:20", "not the text"),
         (changed("[1e-6, 1e-9", "[1e-6, 1e-6"), "17:20", "is listed twice"),
         (changed("gate: {henon", "gate: {cvode-bdf"), "18:8", "not among 'solvers'"),

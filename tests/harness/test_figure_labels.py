@@ -25,7 +25,7 @@ def labelled():
         axes.set_yscale("log")
         axes.set_ylim(1e-16, 1e-2)
         heights = [height for _, height, _ in ends]
-        label_column(axes, [(s, line) for s, _, line in ends], x=1.045, gap=0.05, ends=heights)
+        label_column(axes, [(s, line) for s, _, line in ends], gap=0.05, ends=heights)
         yield axes, sorted(ends, key=lambda own: -own[1])
 
 
@@ -77,7 +77,7 @@ def test_a_column_of_labels_has_no_leaders_and_keeps_its_order():
     labels = [(f"solver-{k}", line_of("henon")) for k in range(40)]
     with style.figure(4.0) as figure:
         axes = figure.add_axes((0.1, 0.1, 0.67, 0.8))
-        label_column(axes, labels, x=1.045, gap=0.05)
+        label_column(axes, labels, gap=0.05)
         found = middles(axes)
     assert found == sorted(found, reverse=True)
     assert [text.get_text() for text in axes.texts] == [label for label, _ in labels]
@@ -88,7 +88,7 @@ def test_a_column_of_labels_has_no_leaders_and_keeps_its_order():
 def test_a_long_label_ends_within_the_figure(length):
     with style.figure(4.0) as figure:
         axes = figure.add_axes((0.1, 0.1, 0.645, 0.8))
-        label_column(axes, [("mil" * (length // 3), line_of("henon"))], x=1.045, gap=0.05)
+        label_column(axes, [("mil" * (length // 3), line_of("henon"))], gap=0.05)
         (text,) = axes.texts
         assert text.get_window_extent().x1 <= figure.bbox.x1
         assert text.get_fontsize() >= 6.0

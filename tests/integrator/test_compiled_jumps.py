@@ -111,7 +111,9 @@ CARRIED = FilippovSystem(
     (X, V, W), (S, U), (X, HALF - W), (V, sp.Integer(-1), sp.Integer(0)),
     resets={0: Reset({X: sp.Integer(1), V: sp.Integer(0), W: sp.Integer(1)}), 1: Reset({W: sp.Integer(0)})},
 )  # fmt: skip
-TO_AN_EDGE = FilippovSystem((X, V), (S, U), (X, V - HALF), (V, -HALF), resets={0: Reset({V: HALF})})
+TO_A_SURFACE = FilippovSystem(
+    (X, V, W), (S, U), (X, W), (V, sp.Integer(-1), sp.Integer(0)), resets={0: Reset({V: -HALF * V, W: sp.Integer(0)})}
+)
 BESIDE = FilippovSystem((X, V, W), (S, U), (X, W), (V, sp.Integer(-1), -U), resets=BOUNCES)
 
 
@@ -121,10 +123,10 @@ BESIDE = FilippovSystem((X, V, W), (S, U), (X, W), (V, sp.Integer(-1), -U), rese
         (UNPRESSED, (1, -1), "ok", ["reset"]),
         (OUTSIDE, (1, 0), "invalid", []),
         (CARRIED, (1, 0, 0), "ok", ["reset", "reset"]),
-        (TO_AN_EDGE, (1, -1), "ok", ["reset"]),
+        (TO_A_SURFACE, (1, 0, 1), "ok", ["reset"]),
         (BESIDE, (1, 0, 0), "ok", ["reset"]),
     ],
-    ids=["nothing presses", "invalid", "cascade", "edge", "beside a slide"],
+    ids=["nothing presses", "invalid", "cascade", "never left", "beside a slide"],
 )
 def test_what_is_not_clear_is_python_s(
     jumps_in_python: list[tuple[int, ...]],
@@ -161,6 +163,36 @@ def test_a_surface_that_goes_on_falling_is_compiled_code_s(
     if system is COUNTED:  # x = sin t rises through 1/2 at pi/6 and falls back at 5 pi/6, again and again
         assert [t.time for t in below] == pytest.approx([np.pi / 6 + 2 * np.pi * k for k in range(4)], abs=1e-12)
         assert compiled.end_state[2] == 4.0
+
+
+@pytest.mark.parametrize(
+    ("force", "speed", "modes"),
+    [(sp.Integer(1), 0.7, {(1, 1)}), (sp.Integer(-1), -0.7, {(1, -1)}), (sp.Rational(1, 10), 0.0, {(1, 0)})],
+    ids=["left where it was", "crossed", "slides"],
+)
+def test_a_surface_on_which_the_map_puts_the_state_is_compiled_code_s(
+    jumps_in_python: list[tuple[int, ...]],
+    monkeypatch: pytest.MonkeyPatch,
+    force: sp.Expr,
+    speed: float,
+    modes: set[tuple[int, ...]],
+) -> None:
+    """A ball loses its sliding velocity w at an impact; then w' = force - 3/10 sign(w), from zero."""
+    field = (V, sp.Integer(-10), force - sp.Rational(3, 10) * U)
+    resets = {0: Reset({V: -V, W: sp.Integer(0)})}
+    system = with_resting(FilippovSystem((X, V, W), (S, U), (X, W), field, resets=resets))
+    problem = Problem(system, sp.Integer(0), ints(1, 0, 1), sp.Integer(5))
+    for _ in range(2):  # first into a mode that is not compiled
+        compiled = run(problem)
+    assert jumps_in_python == []
+    jumps = [t for t in compiled.transitions if t.kind == "reset"]
+    assert [t.time for t in jumps] == pytest.approx(ball_impacts(len(jumps), 1.0), abs=1e-13)
+    assert {t.to_mode for t in jumps} == modes
+    assert compiled.end_state[2] == pytest.approx(speed * (compiled.end_time - jumps[-1].time), abs=1e-13)
+    monkeypatch.setattr("henon_ref.integrator.mode_table.jump_code", lambda _: None)
+    precise = run(problem)
+    assert len(jumps_in_python) == len(jumps)
+    assert told(compiled) == told(precise)
 
 
 def told(found: Trajectory) -> list[tuple[Any, ...]]:

@@ -145,6 +145,27 @@ def test_an_oscillator_in_equilibrium_up_to_a_power_of_time(ramp: str, power: in
 
 
 @TOLERANCES
+@pytest.mark.parametrize("size", ["1e-110", "1e-150", "1e-280"])
+def test_the_size_of_a_state_that_leaves_zero_changes_no_step(size: str, rtol: float) -> None:
+    """Beside an oscillator; relative to the smallest size that is distinguished from zero it is not always large."""
+    system = hr.System(["x", "v", "y"], {"a": 1}, {}, ["v", "-x", "a*(1 - exp(-t^5))*v"])
+    run, other = (hr.simulate(system, [1, 0, 0], until=3, rtol=rtol, parameters={"a": a}) for a in (1, size))
+    assert run.counts == other.counts
+    assert other.y[2, -1] / float(size) == pytest.approx(run.y[2, -1], rel=1e-14)
+
+
+@TOLERANCES
+@pytest.mark.parametrize("start", [1e-60, 1e-130, 1e-250])
+def test_rounding_that_grows_over_a_step_is_no_hidden_term(start: float, rtol: float) -> None:
+    """The error of t - sin(t), as large as its value, grows with t; a step from near 0 leads to 1e3 times t."""
+    system = hr.System(["x", "v"], {}, {}, ["v", "t - sin(t) - x"])
+    run = hr.simulate(system, [start, start], until=1.5, rtol=rtol)
+    exact = 1.5 + 0.75 * math.cos(1.5) - 1.5 * math.sin(1.5)
+    assert run.y[0, -1] == pytest.approx(exact, rel=20 * rtol + 1e-12)
+    assert run.counts.rhs_evaluations < 150
+
+
+@TOLERANCES
 def test_a_state_whose_prediction_beyond_its_radius_is_large(rtol: float) -> None:
     """y leaves zero by t^6; at the end of the first step that is tried its polynomial is 1e4 times as large."""
     exact = quadrature("-2*exp(t - 5/2)*sin(t^3)*sin(t^2)", 0, 2) + quadrature(

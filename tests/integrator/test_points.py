@@ -32,6 +32,14 @@ CASES = Path(__file__).parents[2] / "cases"
 TOLERANCE = 1e-10
 
 
+@pytest.fixture(autouse=True, params=["one run after another", "steps taken together"])
+def together(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Every test is done in one lane and in many."""
+    found: bool = request.param == "steps taken together"
+    monkeypatch.setattr(points, "ALONE", 0 if found else 10**9)
+    return found
+
+
 def without_values(problem: Problem) -> Integrator:
     return Integrator(replace(problem.system, parameters={}), 16)
 
@@ -91,7 +99,7 @@ def spread(problem: Problem, integrator: Integrator, count: int) -> tuple[NDArra
     ],
 )
 def test_every_point_has_the_bits_of_its_run_alone(
-    path: str, reading: str | None, until: float, monkeypatch: pytest.MonkeyPatch
+    path: str, reading: str | None, until: float, together: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Points that start on a surface, need modes not compiled yet, or graze are among them."""
     problem = problem_of(path, reading)
@@ -102,9 +110,11 @@ def test_every_point_has_the_bits_of_its_run_alone(
     blocks = list(runs)
     if path.startswith(("stribeck", "two_blocks", "classic")):
         assert len(runs.others) < 6, "most are done in compiled code"
+        assert (first.mode_table.compiled.records["mode"]["lanes"] != 0).all() == together
     monkeypatch.setattr(points, "AT_ONCE", 5)
     monkeypatch.setattr(points, "BUFFER", points.CHUNK + 10)
     monkeypatch.setattr(points, "MEMORY", 3 * first.programs.loop().bytes_a_point)
+    monkeypatch.setattr(points, "ALONE", first.steps_of_points + 50)  # the first runs are in progress
     again = PointRuns(first, values, initial, start=start, until=start + until, tolerance=TOLERANCE, keep=Keep())
     parts = list(again)
     for point in range(len(initial)):

@@ -74,7 +74,7 @@ def test_a_folder_that_takes_nothing_is_no_error(folder: Path) -> None:
 
 
 def test_the_folder_does_not_grow_without_bound(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine, "KEPT", 4)
+    monkeypatch.setattr(machine, "MAX_OBJECTS", 4)
     for factor in range(2, 12):
         assert answer(IR.replace("2.0", f"{factor}.0")) == 21.0 * factor
         assert len(list(folder.iterdir())) <= 4

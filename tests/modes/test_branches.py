@@ -7,7 +7,6 @@ has no value out of contact, are what Hertz's contact is.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import pytest
 import sympy as sp
@@ -78,7 +77,7 @@ def test_what_a_sign_leaves_out(shared: sp.Expr, side: int, lacks: bool) -> None
     assert leaves_out(shared, shared.xreplace(put), put, {X, V}) is lacks
 
 
-def test_a_sweep_runs_the_same_bits(tmp_path: Path) -> None:
+def test_a_sweep_runs_the_same_bits() -> None:
     system = hr.System(["x", "v"], {"K": 1e5}, {}, ["v", f"-9.81 + {FORCES[0]}"])
     table = hr.sweep(system, [1, 0], until=0.45, grid={"K": [1, 1e5]}, observe=[hr.observe.final_state()], jobs=1)
     assert table.status.tolist() == ["ok", "ok"]

@@ -96,7 +96,7 @@ def told(trajectory: Trajectory) -> list[tuple[str, int]]:
 
 @pytest.mark.parametrize("kind", ["plain", "static"])
 def test_one_set_of_equations_is_that_of_every_mode(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(systems, "FEW", 8)
+    monkeypatch.setattr(systems, "FEW_SURFACES", 8)
     three_blocks = load_case(CASES / "classic/three_blocks.yaml").readings[0].problem
     ours = three_blocks.system if kind == "plain" else static_chain("1").system
     equations = switched_equations(ours)
@@ -162,7 +162,7 @@ def test_a_chain_runs_on_one_machine_code_as_on_one_a_mode(kind: str, monkeypatc
     ours, integrator = run(problem())
     assert len(integrator.mode_table._codes) == 1
     assert len({t.to_mode for t in ours.transitions}) >= 5
-    monkeypatch.setattr(systems, "FEW", 8)
+    monkeypatch.setattr(systems, "FEW_SURFACES", 8)
     theirs, many = run(problem())
     assert len(many.mode_table._codes) >= 5
     assert (ours.status, theirs.status, told(ours)) == ("ok", "ok", told(theirs))
@@ -261,7 +261,7 @@ def test_conditioning_of_a_chain_is_that_of_its_modes_one_by_one(monkeypatch: py
     problem = static_chain("9")
     found = multiprecision(problem).transitions
     common = conditioning(problem, found)
-    monkeypatch.setattr(systems, "FEW", 8)
+    monkeypatch.setattr(systems, "FEW_SURFACES", 8)
     alone = static_chain("9")
     assert alone.system.switched is None
     assert len(common) >= 4

@@ -59,7 +59,7 @@ def test_an_exponent_makes_another_system(made: list[object]) -> None:
 
 
 def test_what_is_kept_is_bounded(made: list[object], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "KEPT", 2)
+    monkeypatch.setattr(compiled, "MAX_COMPILED_SYSTEMS", 2)
     for name in ("x", "y", "z", "z", "x"):
         hr.simulate(oscillator(name), {name: 1, "v": 0}, until=1)
         assert len(compiled._kept) <= 2

@@ -156,6 +156,31 @@ def test_a_stop_with_more_than_the_error_is_refused_each_time() -> None:
         assert (run.final_mode, len(run.transitions)) == ("g_b_wall=0", 0)
 
 
+def test_a_state_that_moves_on_a_stop_does_not_rest_there_in_a_given_mode() -> None:
+    """At rest in its mode it went through the stop, or away from it, with this speed; now the mode is decided."""
+    ball = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-10"], resets={"s": {"map": {"v": "-v/2"}}})
+    scene, _, _ = stopped(0, 0.5)
+    for _ in range(2):  # later runs start in another way
+        into = hr.simulate(ball, (0, -1), until=1, mode={"s": 0})
+        assert (into.status, into.message) == (
+            "invalid",
+            "at t = 0 the state is on s, which resets it, and moves into it",
+        )
+        for system, surface in ((ball, "s"), (scene, "g_b_wall")):
+            away, decided = (hr.simulate(system, (0, 1), until=1, mode=mode) for mode in ({surface: 0}, None))
+            assert len(away.transitions) > 3
+            assert away.transitions.equals(decided.transitions)
+
+
+def test_a_state_that_moves_into_a_stop_in_slip_begins_with_the_impact() -> None:
+    """As it does where rounding has put it above the stop."""
+    scene, _, _ = stopped(0, 0.5)
+    for start in ((0, -1), (1e-16, -1), (-1e-16, -1)) * 2:
+        run = hr.simulate(scene, start, until=0.1, mode={"g_b_wall": 1})
+        assert run.transitions.kind[0] == "reset"
+        assert run.transitions.v_b[0] == pytest.approx(0.5, abs=1e-15)
+
+
 def test_the_error_follows_the_tolerance() -> None:
     system, _, _ = belt("1/3")
     start = {"x": 0.1, "v": 1 / 3 + 1e-8}

@@ -135,3 +135,19 @@ def test_a_jump_that_no_mode_follows_has_no_row(status: str, speed: float, accel
     table = hr.sweep(ball, {"x": 5, "v": 0}, until=9, grid={"w": [speed]}, observe=observed, jobs=1)
     assert table[["status", "final_v"]].to_numpy().tolist() == [[status, speed]]
     assert table.frames["section"].empty
+
+
+@pytest.mark.parametrize("amplitude", ["0.35", "0.5", "0.6"])
+def test_a_ball_is_thrown_off_a_shaken_table_at_every_tolerance(amplitude: str) -> None:
+    """At rest the ball is off the table by the error of the run; its speed there is no speed at which it leaves."""
+    table = hr.System.from_case("inelastic_ball")
+    thrown = np.arcsin(10 / (float(amplitude) * 4 * np.pi**2)) / (2 * np.pi)
+    kinds = None
+    for k in range(12, 3, -1):
+        for rtol in (10.0**-k, 3 * 10.0**-k):
+            run = hr.simulate(table, parameters={"A": amplitude}, rtol=rtol, until=5)
+            releases = run.transitions.time_s[run.transitions.kind == "release"]
+            assert releases.tolist() == pytest.approx(thrown + np.round(releases - thrown).to_numpy(), abs=20 * rtol)
+            assert run.transitions.kind.tolist() == (kinds or run.transitions.kind.tolist())
+            assert run.undecided_after == {}
+            kinds = run.transitions.kind.tolist()

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from henon_ref.errors import UnavailableError, UnsupportedError
 from henon_ref.jit.processor_time import compiling
-from henon_ref.workers.channel import LARGEST, MAGIC
+from henon_ref.workers.channel import MAGIC, MAX_MESSAGE
 from henon_ref.workers.machine import resident_bytes
 from henon_ref.workers.pool import Jobs, WorkerPool
 from henon_ref.workers.worker import REPLY, Failure, Job, WorkerState
@@ -239,7 +239,7 @@ class Act:
         time.sleep(60)
 
     def do_large(self, state):
-        send_all(struct.pack("=4s16siQ", MAGIC, b"", os.getpid(), LARGEST + 1))
+        send_all(struct.pack("=4s16siQ", MAGIC, b"", os.getpid(), MAX_MESSAGE + 1))
         time.sleep(60)
 
     def do_stop(self, state):

@@ -1,4 +1,5 @@
-"""Loops over nodes of the same shape against straight-line code: the same bits, for every rule and kind of row."""
+"""Loops over nodes of the same shape, and several expansions at once, against straight-line code: the same bits, for
+every rule and kind of row."""
 
 from __future__ import annotations
 
@@ -9,9 +10,9 @@ import pytest
 import sympy as sp
 from often import daily
 
-from henon_ref.jit.ir_writer import declarations, row_length
+from henon_ref.jit.ir_writer import LANES, declarations, row_length
 from henon_ref.jit.native_module import NativeModule
-from henon_ref.taylor.llvm.expansion import expansion_ir
+from henon_ref.taylor.llvm.expansion import expansion_ir, lanes_expansion_ir
 from henon_ref.taylor.llvm.looped import looped_expansion_ir
 from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
 from henon_ref.taylor.rules import RULES
@@ -19,6 +20,7 @@ from henon_ref.taylor.tape import TIME, Tape, build_tape
 from tests.support.ir import every_operation
 
 EXPANSION = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)
+SEVERAL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 STEP_END = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 2)
 k, c = sp.symbols("k c", real=True)
 
@@ -88,6 +90,28 @@ def test_loops_have_the_bits_of_straight_line_code(tape: Tape, states: int, orde
         of_sum = (states + len(tape.outputs)) * width + 2
         rows[0].flat[of_sum] = rows[1].flat[of_sum]  # of this sum only whether it is finite is used
         np.testing.assert_array_equal(*rows)
+
+
+@pytest.mark.parametrize(("tape", "states"), TAPES[:-1])
+@pytest.mark.parametrize("order", daily([3, 4, 7, 8, 13, 24], some=[3, 8, 13]))
+def test_several_expansions_have_the_bits_of_each(tape: Tape, states: int, order: int) -> None:
+    """Each lane has its own time (one beyond the reach of the reduction of phases), unit, state and constants."""
+    text = expansion_ir(tape, states, order, "one") + lanes_expansion_ir(tape, states, order, "several")
+    code = NativeModule(declarations() + text, optimised=False)
+    drawn, rows = np.random.default_rng(order), states + len(tape.outputs)
+    times = np.array([[0.0, 0.7, 3e15, 5.1], [0.0, 1e-17, 0.1, -3e-16], [0.37, 0.2, 1e-3, 0.6]])
+    x, constants = drawn.uniform(0.1, 0.9, (LANES, states)), []
+    for _ in range(LANES):
+        own = [drawn.uniform(-1.2, 1.2) if each.free_symbols else float(each) for each in tape.constants]
+        constants.append(np.array([*own, *(1e-17 * each for each in own), 0.0]))
+    alone, together = np.zeros((2, LANES, rows + 1, row_length(order)))
+    pointers = [(ctypes.c_void_p * LANES)(*(row.ctypes.data for row in each)) for each in (x, constants, together)]
+    SEVERAL(code.address("several"))(times.ctypes.data, *pointers)
+    for lane in range(LANES):
+        arguments = (each.ctypes.data for each in (x[lane], constants[lane], alone[lane]))
+        EXPANSION(code.address("one"))(*times[:, lane], *arguments)
+    assert np.isfinite(alone[[0, 1, 3]]).all()
+    np.testing.assert_array_equal(alone, together)
 
 
 @pytest.mark.parametrize("order", [3, 12])

@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from henon_ref.atomic_write import replace_file
+from henon_ref.atomic_write import naming, replace_file
 from henon_ref.casefile.case import Reading
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.options import Options, Setting
@@ -62,7 +62,7 @@ class Journal:
     def add(self, key: str, record: Record) -> None:
         """Write a finished row to the disk; if that raises an OSError, earlier rows are not affected."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("ab" if self._started else "wb") as file:
+        with naming(self.path), self.path.open("ab" if self._started else "wb") as file:
             file.write(line_of(key, record))
             file.flush()
             os.fsync(file.fileno())

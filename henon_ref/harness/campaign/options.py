@@ -27,6 +27,8 @@ from henon_ref.workers.worker import Failure, Job, WorkerState
 
 MOST_DRAWN = 6
 """Largest number of readings of a case with figures; the figures of a large family would look alike."""
+MOST_REPEATS = 10_000
+"""Largest number of timing samples per row; the interval of their median then takes 0.2 GB."""
 LOADING_SECONDS = 60.0
 """Limit on the processor time to import a third-party solver [s]."""
 
@@ -35,10 +37,7 @@ LOADING_SECONDS = 60.0
 class Options:
     """Options of a campaign.
 
-    Raises
-    ------
-    CaseError
-        If a value is not allowed. :func:`check_solvers` checks later whether the solvers exist.
+    CaseError if a value is not allowed; :func:`check_solvers` checks later whether the solvers exist.
     """
 
     solvers: tuple[str | Solver, ...] | None = None
@@ -77,9 +76,10 @@ class Options:
         for tolerance in self.tolerances or ():
             if not (_is_number(tolerance) and 1e-16 <= tolerance < 1):
                 raise CaseError(f"a tolerance lies between 1e-16 and 1, not {shown(tolerance)}")
-        for name, count in (("repeats", 1 if self.repeats is None else self.repeats), ("processes", self.processes)):
-            if type(count) is not int or count < 1:
-                raise CaseError(f"{name} is a whole number from 1 on, not {shown(count)}")
+        if type(self.processes) is not int or self.processes < 1:
+            raise CaseError(f"processes is a whole number from 1 on, not {shown(self.processes)}")
+        if self.repeats is not None and (type(self.repeats) is not int or not 1 <= self.repeats <= MOST_REPEATS):
+            raise CaseError(f"repeats is a whole number from 1 to {MOST_REPEATS}, not {shown(self.repeats)}")
         if not (_is_number(self.timeout) and 0.01 <= self.timeout <= 1e6):
             raise CaseError(f"timeout is a number of seconds from 0.01 to 1e+06, not {shown(self.timeout)}")
 

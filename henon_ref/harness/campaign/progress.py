@@ -16,7 +16,7 @@ PERIOD = 0.2
 """Time between two updates of the line [s]; each update takes processor time from the timed runs."""
 SELDOM = 5.0
 """Time between two lines in a stream that cannot overwrite a line, for example a file [s]."""
-PATIENCE = 10.0
+NOTICE_DELAY = 10.0
 """Time after which a command without a status line reports that a truth is being computed [s]."""
 TRUTH = "truth"
 """Word that follows the name of a reading whose truth is being computed."""
@@ -83,7 +83,9 @@ class ProgressLine(AbstractContextManager["ProgressLine"]):
         Without a line, report once that a truth takes long to compute.
         """
         now = time.monotonic()
-        late = [what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > PATIENCE]
+        late = [
+            what for what, since in self._at_work.items() if what.endswith(f" {TRUTH}") and now - since > NOTICE_DELAY
+        ]
         if late and not self._wait_is_reported:
             self._wait_is_reported = True
             how_long = "(limited to a few minutes; `henon-ref truth` has no limit)"

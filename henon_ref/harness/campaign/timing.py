@@ -23,7 +23,7 @@ SLOW = 3.0
 """A run is not repeated if ``FEWEST`` samples would take longer than this multiple of the budget."""
 UNSTABLE = 0.1
 """Ratio of interquartile range to median above which a sample is called unstable."""
-MOST = 20
+MAX_REPETITIONS = 20
 """Largest number of repetitions in one turn."""
 
 
@@ -64,18 +64,11 @@ def repeat(
 ) -> tuple[float, ...]:
     """Time a prepared run repeatedly; return the samples [s], in the order taken.
 
-    Parameters
-    ----------
-    first : float
-        Wall time of the first call [s], the warm-up; it is a sample only if no other is taken.
-    repeats : int, optional
-        Number of samples; None: as many as fit into the budget, from ``FEWEST`` to ``SAMPLES``.
-    budget : float
-        Time for all samples [s]; a run whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated.
-    cold : bool
-        Whether the first call may have loaded or compiled code; if so, take at least one sample.
-    result : list, optional
-        Receives what the last call returned; unchanged if there is none, or if the run has its own clock.
+    ``first`` is the wall time of the first call [s], the warm-up; it is a sample only if no other is taken. ``repeats``
+    is the number of samples; None: as many as fit into the ``budget`` [s], from ``FEWEST`` to ``SAMPLES``, but a run
+    whose ``FEWEST`` samples would take ``SLOW`` budgets is not repeated. ``cold``: whether the first call may have
+    loaded or compiled code; if so, take at least one sample. ``result`` receives what the last call returned; unchanged
+    if there is none, or if the run has its own clock.
     """
     if isinstance(run, SelfTimedRun):
         count = (_affordable(first, budget) or int(cold)) if repeats is None else repeats
@@ -95,14 +88,14 @@ def _affordable(pace: float, budget: float) -> int:
     return 0 if FEWEST * pace > SLOW * budget else min(max(int(budget / pace), FEWEST), SAMPLES)
 
 
-def median_interval(samples: Sequence[float], *, seed: int = 0) -> tuple[float, float]:
+def median_interval(samples: Sequence[float]) -> tuple[float, float]:
     """Compute the 95 % percentile bootstrap interval of the median (Efron 1979); equal samples give equal intervals.
 
     ``scipy.stats.bootstrap`` returns the same numbers, but takes 1.8 ms instead of 0.25 ms for three samples, and its
-    import takes 0.5 s in every process. ``seed`` is that of the resampling.
+    import takes 0.5 s in every process.
     """
     values = np.asarray(samples, dtype=float)
-    draws = np.random.default_rng(seed).integers(0, values.size, size=(1000, values.size))
+    draws = np.random.default_rng(0).integers(0, values.size, size=(1000, values.size))
     medians = np.median(values[draws], axis=1)
     low, high = np.quantile(medians, [0.025, 0.975])
     return float(low), float(high)
@@ -121,12 +114,12 @@ def summarise(samples: Sequence[float]) -> dict[str, float]:
 
 
 def turn_times(run: Callable[[], object], seconds: float) -> list[float]:
-    """Repeat a run for some seconds, at least once and at most ``MOST`` times; return the wall times [s]."""
+    """Repeat a run for some seconds, at least once and at most ``MAX_REPETITIONS`` times; return the wall times [s]."""
     taken = [timed(run)]
     if isinstance(run, SelfTimedRun):
-        count = min(int(seconds / taken[0]), MOST)
+        count = min(int(seconds / taken[0]), MAX_REPETITIONS)
         return list(_own_times(run, count)) if count > 1 else taken
-    while sum(taken) + taken[-1] <= seconds and len(taken) < MOST:
+    while sum(taken) + taken[-1] <= seconds and len(taken) < MAX_REPETITIONS:
         taken.append(timed(run))
     return taken
 

@@ -15,7 +15,7 @@ from henon_ref.commands.exit_status import DONE, command_of, writing_into
 from henon_ref.text import listed
 from henon_ref.workers import ONE_THREAD
 
-KEPT = "finished rows are kept; --resume continues from them"
+ROWS_KEPT = "finished rows are kept; --resume continues from them"
 RUNS, SHOWN, DEMANDS = "Runs", "Output", "Exit status"
 """Panels of the help."""
 
@@ -170,7 +170,7 @@ def _run(
             _begin_server(figures=shown["figures"])
         from henon_ref.harness.cli.compare_cases import run
 
-        with writing_into(options["folder"], kept=KEPT):
+        with writing_into(options["folder"], kept=ROWS_KEPT):
             return run(cases, options, **shown)
     finally:
         status_line.clear()
@@ -186,7 +186,7 @@ def _begin_server(*, figures: bool) -> None:
     begin_server(*WORKERS_NEED, *(DRAWING_NEEDS if figures else ()))
 
 
-command = command_of(app, "compare", kept=KEPT)
+command = command_of(app, "compare", kept=ROWS_KEPT)
 
 
 def program(arguments: Sequence[str] | None = None) -> int:

@@ -25,7 +25,7 @@ from henon_ref.harness.campaign.options import Options, check_required, check_so
 from henon_ref.harness.campaign.progress import ProgressLine
 from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.folder import check_report, check_writable, locked, remove_if_empty
-from henon_ref.harness.report.folder_report import write_folder_report
+from henon_ref.harness.report.folder_report import earlier_details, write_folder_report
 from henon_ref.harness.report.gate import bounds_left_out, demands_state, gate_state, why_unchecked
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.matrix import read_matrix
@@ -51,16 +51,13 @@ def run(
     ``options`` are arguments of :class:`Options`, with the folder of the reports. The exit status is 1 if a required
     solver is wrong or was not judged in any reading. With ``gated``, it is also 1 if a bound of the gate is violated,
     or if there are bounds and none was checked. With ``as_json`` the table is printed as a JSON document, and nothing
-    else is printed on standard output.
-
-    Raises
-    ------
-    CaseError
-        If a case file or an argument is invalid; nothing has been written then.
+    else is printed on standard output. CaseError if a case file or an argument is invalid; nothing has been written
+    then.
     """
     out: Path = options["folder"]
     check_writable(out)
-    read_matrix(out)  # a damaged one is an error now, not after the runs
+    read_matrix(out)  # a damaged matrix or page is an error now, not after the runs
+    earlier_details(out)
     cases, asked = load_cases(paths), Options(**options)
     for case in cases:
         drawn = [file_name(reading.name, kind) for reading in case.readings for kind in KINDS] if figures else []
@@ -140,7 +137,8 @@ def rerun_command(paths: Sequence[Path], given: Options, *, figures: bool = True
     ):
         words += [option, value] if value else []
     words += [] if figures else ["--no-figures"]
-    return shlex.join(words).encode(errors="replace").decode()  # a path need not be text
+    # Bytes of a path that the locale does not decode are UTF-8, or no text.
+    return shlex.join(words).encode(errors="surrogateescape").decode(errors="replace")
 
 
 def _digits(value: float) -> str:

@@ -20,7 +20,7 @@ from henon_ref.modes.mode import Mode, mode_text
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed, message
 
-SEVERAL = 8
+MAX_NAMED = 8
 """Largest number of states, surfaces or solvers named in one line."""
 
 app = application()
@@ -64,10 +64,10 @@ def _run(reading: Reading) -> Iterator[str]:
     problem = reading.problem
     system = problem.system
     values = [f"{x.name} = {_text(v)}" for x, v in zip(system.states, problem.initial, strict=True)]
-    yield f"from t = {_text(problem.start)} to t = {_text(problem.until)} s, start {listed(values, SEVERAL)}"
+    yield f"from t = {_text(problem.start)} to t = {_text(problem.until)} s, start {listed(values, MAX_NAMED)}"
     if system.parameters:
         given = [f"{name.name} = {_text(value)}" for name, value in system.parameters.items()]
-        yield f"parameters: {listed(given, 2 * SEVERAL)}"
+        yield f"parameters: {listed(given, 2 * MAX_NAMED)}"
     yield f"solvers: {listed(reading.solvers) if reading.solvers else 'the default solvers'}"
     yield f"relative tolerances: {listed([f'{value:g}' for value in reading.tolerances])}"
     if reading.gate:
@@ -75,16 +75,16 @@ def _run(reading: Reading) -> Iterator[str]:
 
 
 def _model(system: FilippovSystem) -> Iterator[str]:
-    yield f"{count(len(system.states), 'state')}: {listed(system.state_names, SEVERAL)}"
+    yield f"{count(len(system.states), 'state')}: {listed(system.state_names, MAX_NAMED)}"
     yield f"effects: {listed(system.effects) if system.effects else 'none named, the system is written out'}"
     yield f"{count(len(system.surfaces), 'surface')}:"
-    for name, surface in list(zip(system.sign_names, system.surfaces, strict=True))[:SEVERAL]:
+    for name, surface in list(zip(system.sign_names, system.surfaces, strict=True))[:MAX_NAMED]:
         yield f"  {name} = sign of {_text(surface)}"
-    for index, reset in sorted(system.resets.items())[:SEVERAL]:
+    for index, reset in sorted(system.resets.items())[:MAX_NAMED]:
         jumps = [f"{state} -> {_text(value)}" for state, value in reset.map.items()]
         first = f" (priority {reset.priority:g})" if reset.priority else ""
         name = system.sign_names[index]
-        yield f"  where the surface of {name} falls through 0, jump: {listed(jumps, SEVERAL)}{first}"
+        yield f"  where the surface of {name} falls through 0, jump: {listed(jumps, MAX_NAMED)}{first}"
     for valid in system.valid:
         yield f"the model holds while {_text(valid)} > 0"
     total = 3 ** len(system.surfaces)
@@ -115,10 +115,10 @@ def _mode(system: FilippovSystem, mode: Mode) -> Iterator[str]:
     except ModelError as error:
         yield f"  {error}"
         return
-    for state, rate in list(zip(system.state_names, equations.field, strict=True))[:SEVERAL]:
+    for state, rate in list(zip(system.state_names, equations.field, strict=True))[:MAX_NAMED]:
         yield f"  {state}' = {_text(rate)}"
-    if len(system.states) > SEVERAL:
-        yield f"  and {len(system.states) - SEVERAL} more"
+    if len(system.states) > MAX_NAMED:
+        yield f"  and {len(system.states) - MAX_NAMED} more"
     for index, sign in equations.equivalent_signs.items():
         yield f"  equivalent sign {system.sign_names[index]} = {_text(sign)}"
     for guard in equations.guards:

@@ -93,7 +93,10 @@ def main(
     """Check reports against the bounds of their cases, required solvers, and an earlier comparison."""
     runs = runs_in(report)
     rows = [*chain.from_iterable(runs.values())]
-    bounds = [own for file in runs for own in read_bounds(file.with_name(MANIFEST))]
+    manifests = [file.with_name(MANIFEST) for file in runs]
+    bounds = [own for manifest in manifests for own in read_bounds(manifest)]
+    if missing := [str(manifest) for manifest in manifests if not manifest.exists()]:
+        say(f"gate: the bounds of these reports are unknown, since there is no {listed(missing, MOST_NAMED)}")
     earlier = None if baseline is None else [*chain.from_iterable(runs_in(baseline).values())]
     held = Held(rows, [] if known is None else read_known(known))
     found = gate(bounds, rows)

@@ -11,7 +11,7 @@ import typer
 
 from henon_ref.commands import FLAG, application, examples, status_line
 from henon_ref.commands.exit_status import DONE, NOT_MET, exit_status, parsed, say, writing_into
-from henon_ref.harness.cli.compare import KEPT, names
+from henon_ref.harness.cli.compare import ROWS_KEPT, names
 from henon_ref.harness.studies.study import STUDIES, Study, StudyRequest
 
 app = application()
@@ -82,7 +82,7 @@ def main(
     words = ["henon-ref study", study, *map(str, cases or ()), *([f"--solvers {solvers}"] if solvers else [])]
     words += [*(["--rows FOLDER"] if rows else []), *([f"--timeout {timeout:g}"] if timeout else [])]
     origin = provenance(" ".join(words))
-    kept = KEPT if "resume" in own.takes else ""
+    kept = ROWS_KEPT if "resume" in own.takes else ""
     with writing_into(folder, kept=kept), locked([folder]), ProgressLine(sys.stderr) as shown:
         made = own.make(StudyRequest(loaded, options, origin, folder, shown, rows))
         discard(folder, loaded)
@@ -108,5 +108,5 @@ def _check_taken(name: str, study: Study, given: Sequence[str]) -> None:
 
 def command(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else arguments
-    kept = KEPT if any("resume" in STUDIES[word].takes for word in words[:1] if word in STUDIES) else ""
+    kept = ROWS_KEPT if any("resume" in STUDIES[word].takes for word in words[:1] if word in STUDIES) else ""
     return exit_status(lambda: int(parsed(app, arguments, name="study")), name="study", arguments=arguments, kept=kept)

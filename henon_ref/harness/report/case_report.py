@@ -29,7 +29,7 @@ from henon_ref.harness.score.ranking import over_all
 from henon_ref.harness.table import Table, listing
 from henon_ref.text import link, markdown, one_line, paragraphs
 
-MANY = 4
+MANY_READINGS = 4
 """Number of readings from which a report begins with tables over all readings."""
 
 
@@ -133,7 +133,7 @@ def _whole(comparison: Comparison) -> Mapping[str, Any] | None:
         for result in comparison.readings
         if result.expected is not None
     }
-    if len(comparison.readings) < MANY or not readings:
+    if len(comparison.readings) < MANY_READINGS or not readings:
         return None
     whole = over_all(list(readings.values()))
     return {

@@ -116,7 +116,7 @@ def own_files(folder: Path) -> set[str]:
 def read_json(file: Path) -> Mapping[str, Any]:
     """Read a JSON object from a file; empty if the file is missing or has no such object."""
     try:
-        return mapping(json.loads(file.read_text(encoding="utf-8")))
+        return mapping(json.loads(file.read_text(encoding="utf-8"))) if file.is_file() else {}
     except (FileNotFoundError, NotADirectoryError, RecursionError, ValueError):
         return {}
 
@@ -133,7 +133,7 @@ def is_study(folder: Path) -> bool:
 
 def _begins(path: Path, beginning: re.Pattern[str]) -> bool:
     try:
-        return beginning.match(path.read_text(encoding="utf-8")) is not None
+        return path.is_file() and beginning.match(path.read_text(encoding="utf-8")) is not None
     except (OSError, ValueError):
         return False
 
@@ -169,7 +169,7 @@ def without_dead_links(text: str, folder: Path) -> str:
 
 
 LOCK = ".henon_ref.lock"
-PATIENCE = 60.0
+LOCK_SECONDS = 60.0
 """Longest time to wait for a lock that other processes hold only briefly [s]."""
 TRIES = 100
 """Largest number of attempts to open a lock file that its holder has just removed."""
@@ -243,11 +243,11 @@ if hasattr(os, "register_at_fork"):
 
 @contextmanager
 def locked(folders: Iterable[Path], *, wait: bool = False) -> Iterator[None]:
-    """Hold the locks of some folders; with ``wait``, wait up to ``PATIENCE`` for other processes.
+    """Hold the locks of some folders; with ``wait``, wait up to ``LOCK_SECONDS`` for other processes.
 
     If another process holds one of the locks, raise CaseError, which names the folder; nothing has been changed then.
     """
-    deadline = time.monotonic() + (PATIENCE if wait else 0.0)
+    deadline = time.monotonic() + (LOCK_SECONDS if wait else 0.0)
     with ExitStack() as stack:
         # Existing lock files come first: if another run holds one, no folder has been created yet.
         for folder in sorted(dict.fromkeys(folders), key=lambda folder: not (folder / LOCK).exists()):

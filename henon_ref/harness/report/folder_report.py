@@ -91,12 +91,14 @@ def write_folder_report(folder: Path) -> Path:
     """Write the matrix of all reports in a folder, the page and the index; return the path of the index.
 
     The matrix keeps its rows of solvers and cases without a report in the folder (:func:`.text.matrix.merged`). If this
-    package has not written a file that it would replace, raise CaseError and write nothing.
+    package has not written a file that it would replace, or the matrix or the page is damaged, raise CaseError and
+    write nothing.
     """
     check_index(folder)
     rows = merged(folder)
+    page = page_text(rows, folder)
     replace_file(folder / MATRIX, rows_text(MatrixRow, rows).encode())
-    replace_file(folder / PAGE, page_text(rows, folder).encode())
+    replace_file(folder / PAGE, page.encode())
     replace_file(folder / INDEX, index_text(rows, folder).encode())  # last, since it links to existing files only
     return folder / INDEX
 
@@ -250,18 +252,22 @@ def _both(fresh: Details, earlier: Details) -> Details:
 
 
 def earlier_details(folder: Path) -> dict[str, Details]:
-    """Read the details of each case from the existing page of a folder; empty if it is of another version."""
-    try:
-        data = read_embedded((folder / PAGE).read_text(encoding="utf-8"))
-    except (FileNotFoundError, UnicodeDecodeError):
+    """Read the details of each case from the existing page of a folder; empty if it is of another version.
+
+    CaseError if the page is damaged.
+    """
+    file = folder / PAGE
+    if not file.exists():
         return {}
-    if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("fields") != list(FIELDS):
-        return {}
     try:
+        data = read_embedded(file.read_text(encoding="utf-8"))
+        if data["format"] != FORMAT or data["fields"] != list(FIELDS):
+            return {}
         names = [solver["name"] for solver in data["solvers"]]
         return {case["name"]: _known(case, names) for case in data["cases"]}
-    except (IndexError, KeyError, TypeError):
-        return {}  # the page was edited
+    except (IndexError, KeyError, TypeError, UnicodeDecodeError) as error:
+        words = "its data, which cases without a folder need, cannot be read; restore the file, or remove it"
+        raise CaseError(words, file=str(file)) from error
 
 
 def _known(case: Mapping[str, Any], solvers: Sequence[str]) -> Details:

@@ -11,6 +11,7 @@ from typing import Any
 from henon_ref.errors import CaseError
 from henon_ref.harness import registry
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
+from henon_ref.harness.result_files import refuse_pipe
 from henon_ref.harness.score.gate import Bounds, bounds_of
 from henon_ref.harness.score.reference import kind_of
 from henon_ref.text import one_line
@@ -74,8 +75,6 @@ def manifest_text(comparison: Comparison, origin: Provenance, files: Iterable[st
 def json_text(value: object, indent: str = "") -> str:
     """Format a value as readable JSON: a list or object is on one line if it fits into 120 characters.
 
-    Examples
-    --------
     >>> print(json_text({"a": {"exact": "1/10", "value": 0.1}, "b": ["x" * 70, "y" * 70]}))
     {
      "a": {"exact": "1/10", "value": 0.1},
@@ -98,12 +97,13 @@ def json_text(value: object, indent: str = "") -> str:
 def read_bounds(manifest: Path) -> list[Bounds]:
     """Read the bounds of a report's gate; empty if the manifest is missing or of an earlier version."""
     try:
+        refuse_pipe(manifest)
         content = json.loads(manifest.read_text(encoding="utf-8"))
         return [Bounds(**own) for own in content.get("gate", ())]
     except FileNotFoundError:
         return []
     except (AttributeError, OSError, RecursionError, TypeError, ValueError) as error:
-        raise CaseError(f"cannot be read: {error}", file=str(manifest)) from error
+        raise CaseError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=str(manifest)) from error
 
 
 def _reading(result: ReadingResult) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from henon_ref.errors import CaseError
 from henon_ref.grouping import grouped
 from henon_ref.harness import registry
 from henon_ref.harness.report.folder import MANIFEST, MATRIX, RUNS, mapping
-from henon_ref.harness.result_files import AnyRow, TableError, read_rows
+from henon_ref.harness.result_files import AnyRow, TableError, read_rows, refuse_pipe
 from henon_ref.harness.rows import ReadingRow, RunRow
 from henon_ref.harness.score.ranking import LEVELS, best_of, by_solver, reaching, readings_of
 from henon_ref.text import message
@@ -98,6 +98,7 @@ def read_report(folder: Path) -> tuple[Mapping[str, Any], list[RunRow]]:
     """Read the manifest and the runs of a case's report; CaseError if they were not written by this package."""
     file = folder / MANIFEST
     try:
+        refuse_pipe(file)
         content = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, RecursionError, ValueError) as error:
         raise CaseError(f"cannot be read: {error}", file=str(file)) from error

@@ -55,8 +55,6 @@ def rendered(template: str, scripts: Sequence[str], data: Any, **context: Any) -
 def embedded(data: Any) -> str:
     """Encode data as text that contains no HTML markup.
 
-    Examples
-    --------
     >>> unpacked(embedded({"name": "</script><b>"}))
     {'name': '</script><b>'}
     """
@@ -144,7 +142,7 @@ def _on_grid(
 
 PAPER, NIGHT = "#ffffff", "#15181c"
 """Background colours of the light and the dark page."""
-SEEN = 3.0
+MIN_CONTRAST = 3.0
 """Smallest contrast of a line with the background (WCAG 2.2, 1.4.11)."""
 
 
@@ -166,15 +164,13 @@ def solver_lines(solvers: Iterable[str]) -> dict[str, dict[str, Any]]:
 def towards(colour: str, end: float, background: str) -> str:
     """Mix a colour with black (0) or white (1) until its contrast with a background is sufficient.
 
-    Examples
-    --------
     >>> towards("#000000", 1.0, "#15181c"), towards("#0072b2", 0.0, "#ffffff")
     ('#666666', '#0072b2')
     """
     for share in range(0, 101, 2):
         parts = ((1 - share / 100) * channel + share / 100 * end for channel in _channels(colour))
         mixed = "#" + "".join(f"{round(255 * part):02x}" for part in parts)
-        if contrast(mixed, background) >= SEEN:
+        if contrast(mixed, background) >= MIN_CONTRAST:
             break
     return mixed
 
@@ -182,8 +178,6 @@ def towards(colour: str, end: float, background: str) -> str:
 def contrast(one: str, other: str) -> float:
     """Return the contrast ratio of two colours (WCAG 2.2).
 
-    Examples
-    --------
     >>> round(contrast("#000000", "#ffffff"), 6)
     21.0
     """

@@ -73,8 +73,6 @@ def shortened(content: bytes) -> bytes:
 
     A shortened SVG is returned unchanged.
 
-    Examples
-    --------
     >>> shortened(b'<g id="axes_1">\\n <path d="M 49.621534 -33.20000 \\nL 1e-05 7.5"/>\\n</g>')
     b'<path d="M49.62-33.2l-49.62 40.7"/>'
     >>> shortened(b'<use xlink:href="#DejaVuSans-14" transform="translate(63.625 0)"/>')

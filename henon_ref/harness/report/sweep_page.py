@@ -37,7 +37,7 @@ _LOG = logging.getLogger(__name__)
 
 CHAINED = "Each point of a continuation starts from the final state of its neighbour, so that it is not a separate run."
 
-KEPT = 25
+MAX_PORTRAITS = 25
 """Largest number of runs with a portrait."""
 NAME, PLACE = "NAMEOFTHEPOINT", "VALUEOFTHEPOINT{}E"
 """Placeholders for the name and the values of a point in the text of a case file."""
@@ -119,8 +119,8 @@ def kept_runs(plan: Plan) -> list[dict[str, Any]]:
 def _spread(plan: Plan) -> list[int]:
     sizes, count = grid_sizes(plan), len(plan.points)
     if not sizes:
-        return sorted(set(np.linspace(0, count - 1, min(KEPT, count)).astype(int).tolist()))
-    each = max(int(KEPT ** (1 / len(sizes)) + 1e-9), 1)
+        return sorted(set(np.linspace(0, count - 1, min(MAX_PORTRAITS, count)).astype(int).tolist()))
+    each = max(int(MAX_PORTRAITS ** (1 / len(sizes)) + 1e-9), 1)
     axes = [sorted(set(np.linspace(0, size - 1, min(each, size)).astype(int).tolist())) for size in sizes]
     return [int(np.ravel_multi_index(place, sizes)) for place in product(*axes)]
 

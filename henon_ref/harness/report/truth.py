@@ -202,8 +202,6 @@ def orbit_table(result: ReadingResult) -> Table | None:
 def printed_alike(value: float, printed: Decimal) -> bool:
     """Check whether a value rounds to the digits of a printed number.
 
-    Examples
-    --------
     >>> printed_alike(1.17463, Decimal("1.1746")), printed_alike(1.1743, Decimal("1.1746"))
     (True, False)
     """

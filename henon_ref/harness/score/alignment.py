@@ -32,19 +32,9 @@ class Keyed(NamedTuple):
 def align(ref: Keyed, run: Keyed, bound: NDArray[np.float64]) -> NDArray[np.intp]:
     """Align two sequences with the fewest edits, and with the least sum of time differences among those alignments.
 
-    Parameters
-    ----------
-    ref : Keyed
-        m transitions; their times do not decrease.
-    run : Keyed
-        A transition whose time is not finite is never paired.
-    bound : ndarray, shape (m,)
-        Largest time difference of a pair [s].
-
-    Returns
-    -------
-    ndarray, shape (k, 2)
-        Indices (reference, run), both increasing.
+    The times of the m transitions of ``ref`` do not decrease; a transition of ``run`` whose time is not finite is never
+    paired. ``bound``, shape (m,), is the largest time difference of a pair [s]. Returns indices (reference, run), both
+    increasing, shape (k, 2).
     """
     m, n = len(ref.times), len(run.times)
     if not m or not n:

@@ -191,10 +191,7 @@ def _floor(row: RunRow) -> float:
 class KnownFailure(Row):
     """Rows that are expected to fail; a field that is None matches any value.
 
-    Raises
-    ------
-    ValueError
-        If it would match every row, or if its status is not one with which a row fails.
+    ValueError if it would match every row, or if its status is not one with which a row fails.
     """
 
     case: str | None = None
@@ -219,8 +216,6 @@ class KnownFailure(Row):
     def name(self) -> str:
         """Description in messages.
 
-        Examples
-        --------
         >>> KnownFailure("two_roots", solver="ida", rtol=1e-3).name
         'case two_roots, solver ida, rtol 0.001'
         """

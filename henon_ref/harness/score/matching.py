@@ -75,26 +75,13 @@ def match(
     end_slack: float = 0.0,
     accumulating: bool = False,
 ) -> Matching:
-    """Match a run's transitions with the reference's.
+    """Match a run's transitions with the reference's, both in order of time; the matching contains their keys.
 
-    Parameters
-    ----------
-    reference, found : mapping of Event
-        Both in order of time; the matching contains their keys.
-    start, until : float
-        The reading's initial time and horizon [s].
-    radius : float
-        Radius of the reference's times [s]; transitions of different surfaces closer than this are one instant.
-    reached_horizon : bool
-        False for a run that ended early: transitions after its end are missed, not cut off by the horizon.
-    end_slack : float
-        Time before the horizon [s] in which unmatched transitions are cut off, regardless of the run's error.
-    accumulating : bool
-        Whether transitions accumulate at the horizon, so that a run may have any number of them there.
-
-    Returns
-    -------
-    Matching
+    ``start`` and ``until`` are the reading's initial time and horizon [s], and ``radius`` that of the reference's times
+    [s]: transitions of different surfaces closer than this are one instant. If the run ended early (``reached_horizon``
+    is False), transitions after its end are missed, not cut off by the horizon. Unmatched transitions within
+    ``end_slack`` before the horizon [s] are cut off, regardless of the run's error. ``accumulating``: whether
+    transitions accumulate at the horizon, so that a run may have any number of them there.
     """
     span = max(until - start, np.finfo(float).tiny)
     (ref, ref_touches), (run, run_touches) = _without_touches(reference), _without_touches(found)
@@ -244,7 +231,12 @@ def _nearest(candidates: list[tuple[float, int]], instant: float, none: int) -> 
 def _horizon_margin(reference: Events, found: Events, pairs: list[tuple[int, int]], span: float, until: float) -> float:
     """Distance to the horizon [s] within which the run's time error may move a transition across it."""
     worst = max((abs(reference[i].time - found[j].time) for i, j in pairs), default=0.0)
-    return max(min(3.0 * worst, 0.05 * span), 4 * float(np.spacing(abs(until))))
+    return max(min(3.0 * worst, 0.05 * span), rounding(until))
+
+
+def rounding(until: float) -> float:
+    """Largest rounding error [s] of a run's times near its horizon."""
+    return 4 * float(np.spacing(abs(until)))
 
 
 def _cut_off(

@@ -243,8 +243,6 @@ def kind_of(expected: Expected | None, surfaces: int) -> str:
 def split_double(digits: str) -> tuple[float, float]:
     """Split a decimal number into the nearest double and the rounding error.
 
-    Examples
-    --------
     >>> split_double("0.1")
     (0.1, -5.551115123125783e-18)
     """

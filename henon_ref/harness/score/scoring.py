@@ -17,7 +17,8 @@ Torricelli's law a level falls with its root). A run that ends likewise is grant
 
 ``not unique``: the run is right up to the instant from which on the exact run has several futures. ``not judged``: the
 run is right up to the time limit (how far it comes depends on the machine); or it is right, but does not decide
-anything about a surface that has transitions later; or nothing is known of the exact run after its start.
+anything about a surface that has transitions later; or it has none of the exact run's transitions, and the whole run is
+within the rounding of its times; or nothing is known of the exact run after its start.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from typing import Literal
 
 import numpy as np
 
-from henon_ref.harness.score.matching import Matching, match
+from henon_ref.harness.score.matching import Matching, match, rounding
 from henon_ref.harness.score.reference import Expected, ReferenceTransition
 from henon_ref.trajectory import Event, Status, Trajectory, Transition
 
@@ -106,6 +107,13 @@ def score(trajectory: Trajectory, expected: Expected, *, tolerance: float | None
     elif left_out is not None:
         event = expected.transitions[left_out]
         words = f"nothing is decided of the surface of the {event.kind} at t = {event.time:.9g} s"
+        judged = Verdict("not judged", words)
+    elif (
+        matching.cut_reference
+        and not matching.pairs
+        and expected.end_time - expected.start <= rounding(expected.end_time)
+    ):
+        words = "no transition is found, and the whole run is within the rounding of its times"
         judged = Verdict("not judged", words)
     else:
         judged = Verdict("right")

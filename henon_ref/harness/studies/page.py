@@ -131,13 +131,9 @@ def write(
 ) -> Path:
     """Write a study's files, then the page that links to them, and return its path; each file is replaced atomically.
 
-    The folder is created if it does not exist. ``template`` is a name without its suffix, ``context`` has the
-    template's values, and ``tables`` (CSV text) and ``figures`` (written as SVG) are by file name.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
+    The folder is created if it does not exist; OSError if it cannot be written. ``template`` is a name without its
+    suffix, ``context`` has the template's values, and ``tables`` (CSV text) and ``figures`` (written as SVG) are by
+    file name.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in tables.items():

@@ -39,10 +39,7 @@ OTHERS, FROM_C = "the cheapest other", "CVODE from C"
 def run_paired_times(request: StudyRequest) -> StudyResult:
     """Time the reference and its rivals in interleaved runs on every reading, and write the page.
 
-    Raises
-    ------
-    CaseError
-        If a case has no report.
+    CaseError if a case has no report.
     """
     assert request.rows is not None  # the command requires it
     files = {case.name: request.rows / case.name / RUNS for case in request.cases}

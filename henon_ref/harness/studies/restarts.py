@@ -25,7 +25,7 @@ from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.text import code
 
 SUITE, OPTIONS = "suite.csv", "options.csv"
-MOST = LEVELS[-1]
+MAX_DIGITS = LEVELS[-1]
 """Largest number of digits that counts; more digits are rounding."""
 QUICKER = 0.8
 """At equal right runs and digits, a restart is better if it takes less than this part of the time. Other work on the
@@ -55,7 +55,7 @@ class SuiteRow(Row):
     elsewhere: int
     """Runs that are not right although the run with another restart is, on the same reading and tolerance."""
     digits: float
-    """Sum of the digits of the right runs, each at most MOST."""
+    """Sum of the digits of the right runs, each at most MAX_DIGITS."""
     wall_s: float
     """Sum of the times of the right runs [s]."""
 
@@ -90,7 +90,7 @@ class Merit:
     wall_s: float
 
     def __str__(self) -> str:
-        return f"right in {self.right}, {self.digits:.1f} digits, {self.wall_s:.3g} s"
+        return f"right in {self.right}, {self.digits:.0f} digits in all, {self.wall_s:.3g} s"
 
     def beats(self, other: Merit) -> bool:
         """Check whether this result is better: more right runs, or then more digits, or then clearly less time."""
@@ -126,7 +126,7 @@ def run_restarts(request: StudyRequest) -> StudyResult:
         "cases": len({row.case for row in suite}),
         "limit": f"{changed.timeout:g}",
         "summary": summary_table(suite).markdown,
-        "most": MOST,
+        "most": MAX_DIGITS,
         "quicker": round(100 * (1 - QUICKER)),
         "defaults": default_table(suite).markdown,
         "beaten": beaten_table(suite).markdown,
@@ -167,7 +167,7 @@ def suite_rows(runs: Iterable[RunRow]) -> list[SuiteRow]:
                 missed=sum(row.missed or 0 for row in rows),
                 spurious=sum(row.spurious or 0 for row in rows),
                 elsewhere=sum(row.verdict != "right" and _problem(row) in solved for row in rows),
-                digits=round(sum(min(row.digits, MOST) for row in right if row.digits is not None), 2),
+                digits=round(sum(min(row.digits, MAX_DIGITS) for row in right if row.digits is not None), 2),
                 wall_s=float(f"{sum(row.wall_s or 0.0 for row in right):.4g}"),
             )
         )
@@ -327,8 +327,8 @@ def option_rows(options: Sequence[tuple[str, str, Adapter]], runs: Sequence[RunR
                 right_with=right[True, True] + right[False, True],
                 without_alone=right[True, False],
                 with_alone=right[False, True],
-                digits_without=round(sum(min(a.digits or 0.0, MOST) for a, _ in both), 1),
-                digits_with=round(sum(min(b.digits or 0.0, MOST) for _, b in both), 1),
+                digits_without=round(sum(min(a.digits or 0.0, MAX_DIGITS) for a, _ in both), 1),
+                digits_with=round(sum(min(b.digits or 0.0, MAX_DIGITS) for _, b in both), 1),
             )
         )
     return found

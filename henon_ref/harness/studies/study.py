@@ -61,13 +61,7 @@ class Study:
     """Files of all runs, which are too long for a repository."""
 
     def make(self, request: StudyRequest) -> StudyResult:
-        """Import the study's module and make its page.
-
-        Raises
-        ------
-        OSError
-            If the folder cannot be written.
-        """
+        """Import the study's module and make its page; OSError if the folder cannot be written."""
         module, _, function = self.target.partition(":")
         result: StudyResult = getattr(import_module(f"henon_ref.harness.studies.{module}"), function)(request)
         return result

@@ -49,51 +49,20 @@ Progress = Callable[[str, float], None]
 """Called with the name of a stage and the part of it that is done, 0 to 1."""
 
 
-def truth_for(
-    case: Case,
-    reading: Reading,
-    *,
-    folder: Path | None = None,
-    recompute: bool = False,
-    progress: Progress | None = None,
-) -> Truth:
-    """Return the truth of a reading, stored or computed.
+def truth_for(case: Case, reading: Reading, *, folder: Path | None = None) -> Truth:
+    """Return the truth of a reading: the stored one if the hash of its mathematics matches, else a computed one.
 
-    Parameters
-    ----------
-    case : Case
-    reading : Reading
-        A reading of the case.
-    folder : Path, optional
-        Folder of stored truths; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`), and
-        if the file there is unusable, the user's cache.
-    recompute : bool
-        Ignore stored truths.
-    progress : callable, optional
+    ``folder`` has the stored truths; by default ``cases/truth`` (see :func:`henon_ref.harness.truth.store.folder_of`),
+    and if the file there is unusable, the user's cache. A computed truth is stored unless that would replace a file
+    outside the user's cache: an unusable file in ``cases/truth`` is kept. Nothing is stored in an installed package. A
+    truth is not stored if heyoka is not installed but would continue it, or if a time limit stopped it.
 
-    Returns
-    -------
-    Truth
-        The stored truth if the hash of its mathematics matches, else a computed one. A computed truth is stored
-        unless that would replace a file outside the user's cache: an unusable file in ``cases/truth`` is kept.
-        Nothing is stored in an installed package. A truth is not stored if heyoka is not installed but would
-        continue it, or if a time limit stopped it.
-
-    Raises
-    ------
-    TruthError
-        If two routes, or a route and a closed form, contradict each other; nothing is stored then.
+    TruthError if two routes, or a route and a closed form, contradict each other; nothing is stored then.
     """
-    if not recompute and (stored := stored_truth(case, reading, folder)) is not None:
+    if (stored := stored_truth(case, reading, folder)) is not None:
         return stored
-    truth = compute(
-        case,
-        reading,
-        proof_seconds=PROOF_SECONDS,
-        barren_seconds=BARREN_SECONDS,
-        computed_seconds=COMPUTED_SECONDS,
-        progress=progress,
-    )
+    proof, barren, computed = PROOF_SECONDS, BARREN_SECONDS, COMPUTED_SECONDS
+    truth = compute(case, reading, proof_seconds=proof, barren_seconds=barren, computed_seconds=computed)
     if not truth.certified and (not heyoka_installed() or truth.reason.startswith(OUT_OF_TIME)):
         return truth
     places = [place for place in _places(case, folder) if not store.inside_package(place)]
@@ -171,19 +140,10 @@ def compute(
 ) -> Truth:
     """Compute the truth of a reading by both routes.
 
-    Parameters
-    ----------
-    proof_seconds : float, optional
-        Time limit of the proof; None: no limit.
-    barren_seconds : float, optional
-        Time limit of the proof if the run fails before its first transition; None: ``proof_seconds``.
-    computed_seconds : float, optional
-        Processor time limit of heyoka's route; None: no limit.
+    ``proof_seconds``: time limit of the proof; ``barren_seconds``: the same if the run fails before its first
+    transition (None: ``proof_seconds``); ``computed_seconds``: processor time limit of heyoka's route. None: no limit.
 
-    Raises
-    ------
-    TruthError
-        If the routes, or a route and a closed form, contradict each other.
+    TruthError if the routes, or a route and a closed form, contradict each other.
     """
     # Imported here: these libraries take half a second, which reading a stored truth does not need.
     from henon_ref.harness.truth.conditioning import conditioning

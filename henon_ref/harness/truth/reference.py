@@ -137,8 +137,6 @@ def to_ball(value: Any) -> arb:
 def ball_text(value: arb, radius: float) -> str:
     """Write the midpoint of a ball with two digits more than the radius justifies.
 
-    Examples
-    --------
     >>> ball_text(arb(2) / 3, 1e-5)
     '0.6666667'
     """
@@ -156,8 +154,6 @@ def _decimal_text(value: Decimal) -> str:
 def written_radius(bound: float) -> float:
     """A radius of two digits that is above a bound, and above 0.
 
-    Examples
-    --------
     >>> written_radius(9.99e-31)
     1.1e-30
     """

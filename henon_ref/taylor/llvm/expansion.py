@@ -13,11 +13,13 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import count
 
-from henon_ref.jit.ir_writer import LANES, VECTOR, ZERO, IRWriter, Value, literal, row_length
+from henon_ref.jit.ir_writer import LANES, VECTOR, ZERO, IRWriter, NumberWriter, Value, literal, row_length
+from henon_ref.jit.lanes import in_lanes
 from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
+from henon_ref.taylor.llvm.sin_cos import sin_cos_ir
 from henon_ref.taylor.llvm.step import GROWING, inverse_size, last_terms, longest_step
 from henon_ref.taylor.tape import Node, Tape
 
@@ -38,16 +40,48 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     from one row to the next, if it is not the :func:`row_length` of the order (an order below 4).
     """
     w = IRWriter()
+    _write_expansion(w, tape, states, order, row_length(order) if width is None else width)
+    return function_ir(w, name)
+
+
+def lanes_expansion_ir(tape: Tape, states: int, order: int, name: str = "lanes") -> str:
+    """LLVM IR of ``void name(double* times, double** x, double** K, double** C)``: several expansions at once.
+
+    ``times`` holds the vectors ``t_hi``, ``t_lo`` and ``unit``, with one number for each lane. The other arguments of
+    each lane, and its results, are those of :func:`expansion_ir`; so are the bits.
+    """
+    body, w, width = NumberWriter("number"), IRWriter(), row_length(order)
+    _write_expansion(body, tape, states, order, width)
+    arrays = {"x": states, "K": 2 * len(tape.constants), "C": (states + len(tape.outputs)) * width + LANES}
+    w.lines += [f"  %{array} = alloca [{LANES * size} x double]" for array, size in arrays.items()]
+    lanes = {array: [w.emit(f"load ptr, ptr {w.place(f'%{array}s', i)}") for i in range(LANES)] for array in arrays}
+    for at, argument in enumerate(("%t_hi", "%t_lo", "%unit")):
+        w.lines.append(f"  {argument}.lanes = load {VECTOR}, ptr {w.place('%times', LANES * at)}, align 8")
+    for array in ("x", "K"):
+        for at in range(arrays[array]):
+            w.store(w.vector([w.load(lane, at) for lane in lanes[array]]), f"%{array}", LANES * at, VECTOR)
+    for first in range(0, arrays["C"] - LANES, width):
+        for at in range(first + order + 1, first + width):
+            w.store(w.vector([ZERO] * LANES), "%C", LANES * at, VECTOR)
+    w.lines += in_lanes(body.lines)
+    for first in range(0, arrays["C"], LANES):
+        written = [w.load("%C", LANES * at, VECTOR) for at in range(first, first + LANES)]
+        for lane, row in zip(lanes["C"], w.transposed(written), strict=True):
+            w.store(row, lane, first, VECTOR)
+    text = "\n".join(w.lines)
+    function = sin_cos_ir() if "@sin_cos" in text else ""
+    return f"{function}define void @{name}(ptr %times, ptr %xs, ptr %Ks, ptr %Cs) {{\nentry:\n{text}\n  ret void\n}}\n"
+
+
+def _write_expansion(w: IRWriter, tape: Tape, states: int, order: int, width: int) -> None:
     expansion = Expansion(w, tape, states, order)
     expansion.run()
-    width = row_length(order) if width is None else width
     expansion.store(width)
     if order >= 3:
         rows = [*expansion.solution, *expansion.outputs]
         exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in GROWING]
         for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
             w.store(value, "%C", len(rows) * width + at)
-    return function_ir(w, name)
 
 
 def values_ir(tape: Tape, states: int, name: str, places: Sequence[int]) -> str:

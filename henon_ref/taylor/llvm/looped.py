@@ -21,7 +21,7 @@ from functools import partial
 
 from henon_ref.grouping import grouped
 from henon_ref.jit.ir_writer import LANES, IRWriter, literal, loop_function, row_length
-from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes
+from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes, splat
 from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, copy_lines, row_lines, state_lines, total_lines
 from henon_ref.taylor.llvm.shapes import Factors, Shapes
 from henon_ref.taylor.llvm.step import GROWING
@@ -157,7 +157,7 @@ class _LoopedExpansion:
         """Call the code of one series, ``lines``, for all series of a group; in lanes if it is ``straight``."""
         for arranged, table in self._passes(group, straight).items() if lines else ():
             pointers = _pointers("S" * (1 + sum(map(len, self.found[group[0]][1]))))
-            write = partial(in_lanes, lines, arranged) if arranged else lines.copy
+            write = partial(_in_lanes, lines, arranged) if arranged else lines.copy
             self._loop((self.found[group[0]][0], key, arranged), pointers, write, table)
 
     def _passes(self, group: Sequence[int], straight: bool) -> dict[Arranged, str]:
@@ -213,6 +213,10 @@ class _LoopedExpansion:
         for found, members in grouped(growing, kind).items():
             rows = [[norms + 3, self.columns[shapes.argument(at)[0]]] for at in members]
             self._loop(("step", found), _pointers("CS"), partial(bound_lines, *found), self._table(rows))
+
+
+def _in_lanes(lines: Iterable[str], arranged: Arranged) -> list[str]:
+    return [*splat("%unit.lanes", "%unit"), *in_lanes(lines, arranged)]
 
 
 def _pointers(arrays: str) -> Pointers:

@@ -181,17 +181,11 @@ def row_lines(order: int, stride: int) -> list[str]:
     Rows that are not required point to that of the first column, which is stored last.
     """
     w, kind, width = IRWriter(), VECTOR, row_length(order)
-
-    def mixed(a: str, b: str, lanes: str) -> str:
-        mask = ", ".join(f"i32 {i}" for i in lanes)
-        return w.emit(f"shufflevector {kind} {a}, {kind} {b}, <{LANES} x i32> <{mask}>")
-
     for k in range(0, width, LANES):
         rows = [
             w.load("%p0", j * stride, kind) if j <= order else w.vector([ZERO] * LANES) for j in range(k, k + LANES)
         ]
-        (a, b), (c, d) = ([mixed(x, y, "0426"), mixed(x, y, "1537")] for x, y in (rows[:2], rows[2:]))
-        columns = mixed(a, c, "0145"), mixed(b, d, "0145"), mixed(a, c, "2367"), mixed(b, d, "2367")
+        columns = w.transposed(rows)
         for i in reversed(range(LANES)):
             if width % LANES == 0:
                 w.store(columns[i], f"%p{1 + i}", k, kind)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from henon_ref.jit.ir_writer import ONE, IRWriter, literal
+from henon_ref.jit.ir_writer import ONE, PAIR, IRWriter, literal
 
 _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 """pi/2 as an unevaluated sum of three doubles."""
@@ -19,8 +19,12 @@ _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591698e-33)
 def sin_cos(w: IRWriter, high: str, low: str) -> tuple[str, str]:
     """Sine and cosine of ``high + low`` (|low| at most a few ulps of high).
 
-    Phases above 1e15 are passed to the C library: doubles of this size are an eighth apart.
+    Phases above 1e15 are passed to the C library: doubles of this size are an eighth apart. Code that may not branch
+    calls the function :func:`sin_cos_ir`.
     """
+    if not w.branches:
+        both = w.emit(f"call {PAIR} @sin_cos(double {high}, double {low})")
+        return w.emit(f"extractvalue {PAIR} {both}, 0"), w.emit(f"extractvalue {PAIR} {both}, 1")
     near, far, done = w.name(), w.name(), w.name()
     within = w.emit(f"fcmp olt double {w.call('fabs', high)}, {literal(1e15)}")
     w.lines += [f"  br i1 {within}, label %{near}, label %{far}", f"{near}:"]
@@ -34,6 +38,16 @@ def sin_cos(w: IRWriter, high: str, low: str) -> tuple[str, str]:
         w.emit(f"phi double [ {s}, %{near} ], [ {s_far}, %{far} ]"),
         w.emit(f"phi double [ {c}, %{near} ], [ {c_far}, %{far} ]"),
     )
+
+
+def sin_cos_ir() -> str:
+    """LLVM IR of a function ``sin_cos`` that returns :func:`sin_cos` as two numbers."""
+    w = IRWriter()
+    s, c = sin_cos(w, "%high", "%low")
+    first = w.emit(f"insertvalue {PAIR} poison, double {s}, 0")
+    both = w.emit(f"insertvalue {PAIR} {first}, double {c}, 1")
+    body = "\n".join(w.lines)
+    return f"define internal {PAIR} @sin_cos(double %high, double %low) {{\nentry:\n{body}\n  ret {PAIR} {both}\n}}\n"
 
 
 def _reduced(w: IRWriter, high: str, low: str) -> tuple[str, str]:

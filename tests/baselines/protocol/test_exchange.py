@@ -12,8 +12,9 @@ from programs import FINE, PRELUDE, answer, program, ramp
 
 import henon_ref
 from henon_ref.baselines.protocol import exchange as module
-from henon_ref.baselines.protocol.exchange import ProgramTimeoutError, exchange
-from henon_ref.errors import ContractError, UnavailableError
+from henon_ref.baselines.protocol.exchange import exchange
+from henon_ref.errors import ContractError, DeadlineError, UnavailableError
+from henon_ref.harness.score.gate import demand
 from henon_ref.solver import SelfTimedRun, Solver
 
 SHORT = 1.0
@@ -48,7 +49,7 @@ def test_a_request_that_nobody_reads_is_no_matter() -> None:
 
 
 def test_a_program_that_hangs_is_stopped() -> None:
-    with pytest.raises(ProgramTimeoutError, match=r"no response within 2.5 s"):
+    with pytest.raises(DeadlineError, match=r"no response within 2.5 s"):
         say("time.sleep(1000)", SHORT)
 
 
@@ -56,7 +57,7 @@ def test_a_program_that_hangs_is_stopped() -> None:
 def test_a_program_that_computes_for_ever_is_stopped_by_its_processor_time(code: str, monkeypatch) -> None:
     """By what the system says of its end: our clock stands, for what counts is used before anybody looks at a clock."""
     monkeypatch.setattr(module, "monotonic", lambda: 0.0)
-    with pytest.raises(ProgramTimeoutError, match="stopped after 1 s of processor time"):
+    with pytest.raises(DeadlineError, match="stopped after 1 s of processor time"):
         say(f"{code}\nwhile True: pass", SHORT)
 
 
@@ -71,7 +72,7 @@ def test_a_program_that_waits_for_a_processor_is_not_late() -> None:
 def test_a_program_that_somebody_kills_has_crashed_however_long_it_took() -> None:
     with pytest.raises(ContractError, match="the program crashed, SIGKILL") as caught:
         say("time.sleep(1.5); os.kill(os.getpid(), 9)", SHORT)
-    assert not isinstance(caught.value, ProgramTimeoutError)
+    assert not isinstance(caught.value, DeadlineError)
 
 
 def test_a_flood_is_cut_off() -> None:
@@ -179,6 +180,17 @@ def test_each_failure_is_a_row_that_says_so_and_the_others_stand() -> None:
     for name, (_, status, words) in BAD.items():
         assert rows.loc[name, "status"] == status, (name, rows.loc[name, "status_reason"])
         assert words in rows.loc[name, "status_reason"], (name, rows.loc[name, "status_reason"])
+        assert rows.loc[name, "verdict"] == ("not run" if status.startswith("un") else "solver defect"), name
+
+
+def test_a_program_that_hangs_on_one_of_two_readings_is_not_right_wherever_it_is_required() -> None:
+    """As a Python solver that ignores its deadline; a program that keeps its deadline is not judged."""
+    case = henon_ref.parse_case(CASE + "readings: {one: {}, two: {tolerances: [1e-9]}}")
+    for late, failing in (("time.sleep(1000)", 1), (answer(status="timeout", transitions=[], end=None), 0)):
+        solver = program(f"\nif request['rtol'] < 1e-8: {late}\nelse: {answer()}")
+        found = henon_ref.compare(case, solvers=[solver], repeats=1, timeout=1.0)
+        assert found.runs["status"].tolist() == ["ok", "timeout"]
+        assert len(demand("fake", found.run_rows).failures) == failing
 
 
 def test_a_step_or_a_tolerance_that_is_not_wanted_is_refused() -> None:

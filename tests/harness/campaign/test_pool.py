@@ -44,7 +44,7 @@ def test_sequences_of_one_queue_have_one_worker_after_the_other(monkeypatch):
     """Two queues: two workers. One that has grown does not go on."""
     a, b, c, d = workers_of(["pid"], ["pid"], ["pid"], ["pid"], queues=["x", "y", "x", "y"])
     assert a == b != c == d
-    monkeypatch.setattr(pool, "REUSED", -1.0)
+    monkeypatch.setattr(pool, "MAX_REUSED_GROWTH", -1.0)
     assert len(set(workers_of(["pid"], ["pid"]))) == 2
 
 

@@ -28,8 +28,9 @@ def test_an_unknown_argument_is_refused_with_the_nearest_name():
     [
         ({"processes": 0}, "processes is a whole number from 1 on, not 0"),
         ({"processes": 1.5}, "processes is a whole number from 1 on, not 1.5"),
-        ({"repeats": 0}, "repeats is a whole number from 1 on, not 0"),
-        ({"repeats": True}, "repeats is a whole number from 1 on, not True"),
+        ({"repeats": 0}, "repeats is a whole number from 1 to 10000, not 0"),
+        ({"repeats": 10**9}, "repeats is a whole number from 1 to 10000, not 1000000000"),
+        ({"repeats": True}, "repeats is a whole number from 1 to 10000, not True"),
         ({"timeout": -1}, "timeout is a number of seconds from 0.01 to 1e+06, not -1"),
         ({"timeout": math.inf}, "timeout is a number of seconds from 0.01 to 1e+06, not inf"),
         ({"timeout": math.nan}, "timeout is a number of seconds from 0.01 to 1e+06, not nan"),

@@ -128,7 +128,7 @@ def test_a_case_shows_its_readings_and_each_system_once():
     assert repr(case()) == "Case made_up: A made-up system\nreadings: default\nstates: x; surfaces: s"
 
 
-def test_the_plot_is_axes_that_pyplot_shows(monkeypatch):
+def test_the_plot_is_axes_that_pyplot_shows():
     from matplotlib import pyplot as plt
 
     plt.close("all")

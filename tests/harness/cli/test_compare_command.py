@@ -126,13 +126,13 @@ def test_a_bound_at_a_tolerance_that_did_not_run_is_left_out_and_named(tmp_path,
     assert named.replace("henon", "`henon`").replace("heyoka", "`heyoka`").replace(" and ", ", ") in report
 
 
-def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightest(tmp_path, made_up, capsys):
+def test_a_tighter_tolerance_than_the_case_has_does_not_stand_in_for_its_tightest(tmp_path, made_up):
     (tmp_path / "gated.yaml").write_text(CASE.format(name="gated"))
     assert run("gated.yaml", "--gate", "--tolerances", "1e-9") == 1
     assert run("gated.yaml", "--gate", "--tolerances", "1e-9,1e-6") == 0
 
 
-def test_a_required_solver_decides_the_exit_status(made_up, monkeypatch, capsys):
+def test_a_required_solver_decides_the_exit_status(made_up, capsys):
     assert run(made_up, "--require", "henon") == 0
     assert capsys.readouterr().out.endswith("\nout/made_up/report.md; gate met; henon right in 1 of 1 judged\n")
     assert run(made_up, "--require", "henon,heyoka") == 1
@@ -229,6 +229,12 @@ def test_the_rerun_command_has_every_digit_that_was_given():
     words = "python -m henon_ref.compare a.yaml --tolerances 0.001,1e-06,1.23456789e-07 --timeout 1234.56789"
     assert rerun_command([Path("a.yaml")], options) == words
     assert rerun_command([Path("a.yaml")], replace(options, timeout=5.0)).endswith("--timeout 5")
+
+
+def test_the_rerun_command_has_the_names_that_the_locale_does_not_decode():
+    for given, shown in (("Stöße".encode(), "Stöße"), (b"no \xff text", "no \ufffd text")):
+        path = Path(given.decode("ascii", errors="surrogateescape"))  # as under LANG=C
+        assert rerun_command([path], Options()) == f"python -m henon_ref.compare '{shown}'"
 
 
 def test_the_rerun_command_takes_no_file_for_an_option():

@@ -89,6 +89,14 @@ def test_bounds_on_what_did_not_run_are_left_out_and_none_at_all_does_not_pass(o
     ]
 
 
+def test_a_report_without_its_manifest_is_told(out, capsys):
+    (out / "made_up/manifest.json").unlink()
+    assert gate(out) == 0
+    assert capsys.readouterr().err == (
+        "gate: the bounds of these reports are unknown, since there is no out/made_up/manifest.json\n"
+    )
+
+
 def test_a_report_of_an_earlier_version_has_no_bounds(out, capsys):
     manifest = out / "made_up/manifest.json"
     content = json.loads(manifest.read_text())
@@ -256,6 +264,15 @@ def test_known_failures_from_a_pipe_are_an_error(out, capsys):
     os.mkfifo("pipe")
     assert gate(out, "--known", "pipe") == 2
     assert capsys.readouterr().err == "error: pipe: this is not a regular file\n"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+@pytest.mark.parametrize("name", ["manifest.json", "runs.csv"])
+def test_a_report_in_a_pipe_is_an_error_and_not_waited_for(out, capsys, name):
+    (out / "made_up" / name).unlink()
+    os.mkfifo(out / "made_up" / name)
+    assert gate(out) == 2
+    assert capsys.readouterr().err == f"error: out/made_up/{name}: cannot be read: this is a named pipe\n"
 
 
 def test_a_file_of_known_failures_that_is_not_there_is_named_once(out, capsys):

@@ -136,7 +136,7 @@ def test_a_folder_that_cannot_be_written_is_one_message_and_leaves_nothing(tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_program_in_another_language_is_named_on_the_command_line(tmp_path, monkeypatch, capsys):
+def test_a_program_in_another_language_is_named_on_the_command_line(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     program = tmp_path / "program.py"
     program.write_text(

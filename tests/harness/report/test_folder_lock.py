@@ -142,7 +142,7 @@ def test_locks_that_were_taken_are_given_back_where_one_is_held(tmp_path):
 
 
 def test_a_lock_that_is_held_for_too_long_is_not_waited_for(tmp_path, monkeypatch):
-    monkeypatch.setattr(report_folder, "PATIENCE", 0.1)
+    monkeypatch.setattr(report_folder, "LOCK_SECONDS", 0.1)
     with locked([tmp_path]), pytest.raises(CaseError, match=f"another run, process {os.getpid()}"):
         locked([tmp_path], wait=True).__enter__()
 

@@ -44,7 +44,7 @@ def messages(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return [line for line in capsys.readouterr().err.splitlines() if not re.match(r"\d+ of \d+: ", line)]
 
 
-def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, tmp_path, capsys):
+def test_an_index_of_ours_is_replaced_and_that_of_somebody_else_is_not(made_up, tmp_path):
     index = tmp_path / "README.md"
     assert run(made_up, "--out", ".") == 0
     with index.open("a") as file:
@@ -111,6 +111,15 @@ def test_an_index_of_nothing_and_of_one_reading_is_known_again(tmp_path):
             check_index(tmp_path)
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes")
+@pytest.mark.parametrize("name", ["matrix.csv", "index.html", "README.md", "made_up/manifest.json", "made_up/runs.csv"])
+def test_a_named_pipe_in_place_of_a_file_is_not_waited_for(made_up, tmp_path, capsys, name):
+    (tmp_path / "out/made_up").mkdir(parents=True)
+    os.mkfifo(tmp_path / "out" / name)
+    assert run(made_up, "--out", "out") == 2
+    assert f"out/{name}: was not written by henon_ref" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("name", ["report.md", "runs.csv", "samples.csv", "default_cost.svg"])
 def test_a_report_of_somebody_else_is_not_replaced(made_up, tmp_path, capsys, name):
     (tmp_path / "out/made_up").mkdir(parents=True)
@@ -127,13 +136,15 @@ def test_a_file_in_place_of_the_folder_of_a_report_is_named(made_up, tmp_path, c
     assert "made_up is a file; --out requires a folder" in capsys.readouterr().err
 
 
-def test_a_damaged_matrix_is_an_error_before_anything_runs(made_up, tmp_path, capsys):
+@pytest.mark.parametrize(("name", "left"), [("matrix.csv", -20), ("index.html", 2000)])
+def test_a_damaged_matrix_or_page_is_an_error_before_anything_runs(made_up, tmp_path, capsys, name, left):
+    """It may be the only copy of the runs of a case."""
     assert run(made_up, "--out", "out") == 0
-    matrix = tmp_path / "out/matrix.csv"
-    matrix.write_text(matrix.read_text() + "made_up,default\n")
+    file = tmp_path / "out" / name
+    file.write_text(file.read_text()[:left])
     capsys.readouterr()
     assert run(made_up, "--out", "out") == 2
-    assert re.fullmatch(r"error: out/matrix\.csv: is not a matrix .*\n", capsys.readouterr().err)
+    assert re.fullmatch(rf"error: out/{name}: (is not a matrix|its data, .* cannot be).*\n", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("name", ["matrix.csv", "index.html"])
@@ -170,7 +181,7 @@ def test_a_full_disk_is_one_message_and_loses_no_finished_row(made_up, tmp_path,
     monkeypatch.setattr(os, "fsync", full)
     assert run(made_up, "--out", "out", "--jobs", 1) == 2
     (line,) = messages(capsys)
-    assert "No space left" in line
+    assert line.startswith("error: cannot write out/made_up/.partial: No space left")
     assert len(journal.read(tmp_path / "out" / "made_up" / journal.FILE)) >= 2
     assert not (tmp_path / "out" / "made_up" / "report.md").exists()
     monkeypatch.setattr(os, "fsync", real)

@@ -14,7 +14,7 @@ from henon_ref.casefile.case import load_case
 from henon_ref.harness.campaign.comparison import Comparison, ReadingResult
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
-from henon_ref.harness.report.case_report import MANY, report_text
+from henon_ref.harness.report.case_report import MANY_READINGS, report_text
 from henon_ref.harness.report.tables import price_table, solver_table, stick_table
 from henon_ref.harness.report.truth import no_truth, printed_times_table, published_table, truth_table
 from henon_ref.harness.rows import RunRow
@@ -222,7 +222,7 @@ def test_where_no_setting_is_right_in_all_readings_the_best_ones_are_shown():
 
 
 def test_of_few_readings_the_tables_stand_at_the_top():
-    assert MANY == 4
+    assert MANY_READINGS == 4
     head = report_text(sweep(readings=VALUES[:3]), ORIGIN).split("## f1\n")[0]
     assert [own.headings[0] for own in tables(head)] == ["solver"] * 3
     assert head.count("Most accurate right run of each solver") == 1

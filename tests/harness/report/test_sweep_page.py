@@ -18,7 +18,14 @@ import henon_ref
 from henon_ref.harness.cli.main import sweep_program as program
 from henon_ref.harness.report import sweep_page
 from henon_ref.harness.report.rendering import read_embedded
-from henon_ref.harness.report.sweep_page import KEPT, frame_content, kept_points, read_table, rows_of, write_sweep_page
+from henon_ref.harness.report.sweep_page import (
+    MAX_PORTRAITS,
+    frame_content,
+    kept_points,
+    read_table,
+    rows_of,
+    write_sweep_page,
+)
 from henon_ref.sweeps.plan import planned
 
 EVIL = "</script><img src=//evil.example/x.png>{{ 7*7 }}"
@@ -201,7 +208,7 @@ def test_no_more_runs_are_kept_than_a_page_has_room_for(tmp_path: Path) -> None:
     axes = {"vb": {"from": 0.1, "to": 1, "count": 12}, "x": {"from": -1, "to": 1, "count": 12}}
     henon_ref.sweep(belt(), {"x": 1.5, "v": 0}, until=5, grid=axes, observe=[], out=tmp_path / "many", jobs=1)
     runs = data_of(tmp_path / "many")["runs"]
-    assert len(runs) == KEPT
+    assert len(runs) == MAX_PORTRAITS
     assert runs[0]["values"] == [0.1, -1.0]
     assert runs[-1]["values"] == [1.0, 1.0]
 

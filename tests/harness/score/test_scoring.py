@@ -154,6 +154,16 @@ def test_a_run_that_ends_beside_the_end_of_the_truth_is_not_judged_by_its_end(st
     assert verdict(2.7 - 1e-13, 1e-12, extra) == "right"
 
 
+@pytest.mark.parametrize(("roundings", "status", "word"), [(1, "ok", "not judged"), (16, "wrong", "ill-conditioned")])
+def test_a_run_that_takes_no_step_is_not_right_where_doubles_do_not_resolve_its_times(roundings, status, word):
+    start, until = 1e17, 1e17 + 16 * roundings
+    truth = expected(tuple(start + time for time in TIMES), start=start, until=until, end_time=until)
+    stands = score(trajectory((), end_time=start), truth, tolerance=1e-6)
+    assert (stands.status, stands.verdict.word) == (status, word)
+    runs = score(trajectory(found(tuple(start + time for time in TIMES))), truth, tolerance=1e-6)
+    assert runs.verdict.word == "right"
+
+
 def test_the_nearest_transition_of_a_surface_is_found():
     events = tuple(replace(e, surface=i % 2) for i, e in enumerate(reference()))
     truth = expected(transitions=events)

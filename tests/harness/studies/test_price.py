@@ -20,7 +20,7 @@ from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import timing
 from henon_ref.harness.campaign.options import Options
 from henon_ref.harness.campaign.progress import ProgressLine
-from henon_ref.harness.campaign.timing import MOST, Turns, interleaved
+from henon_ref.harness.campaign.timing import MAX_REPETITIONS, Turns, interleaved
 from henon_ref.harness.report.manifest import provenance
 from henon_ref.harness.report.model import mode_tape, operations
 from henon_ref.harness.result_files import read_rows
@@ -217,7 +217,7 @@ def test_a_short_run_is_repeated_within_its_turn(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter_ns=lambda: now))
     lengths = {"shortest": 10, "short": 400, "long": 5000}
     found = interleaved({key: partial(run, key, length) for key, length in lengths.items()}, rounds=3, turn=4.1e-3)
-    assert calls == {"shortest": 4 * MOST, "short": 4 * 10, "long": 4}
+    assert calls == {"shortest": 4 * MAX_REPETITIONS, "short": 4 * 10, "long": 4}
     assert {key: found.median(key) for key in lengths} == pytest.approx({"shortest": 1e-5, "short": 4e-4, "long": 5e-3})
 
 
@@ -333,9 +333,8 @@ def test_the_page_shows_what_was_measured_and_every_link_leads_to_a_file(tmp_pat
         "contacts": [ManyContacts(4, 56, 1e-2, 1e-3, 0.2)],
     }
     done = Work(100, 50, 10, 20, 20, 4, 6, 30, 1e-5, 1e10)
-    failed = ["c, late, against ida: it *died*"]
-    page = write_page(tmp_path, provenance("make it again"), rows, [timed], failed, done, parts)
-    text = page.read_text(encoding="utf-8")
+    failed, context = ["c, late, against ida: it *died*"], provenance("make it again")
+    text = write_page(tmp_path, context, rows, [timed], failed, done, parts).read_text(encoding="utf-8")
     links = {link for link in re.findall(r"\]\(([^)]+)\)", text) if not link.startswith(("#", "../"))}
     assert {path.name for path in tmp_path.iterdir()} == links | {"README.md"}
     assert len(read_rows(RunRow, tmp_path / "price.csv")) == 3

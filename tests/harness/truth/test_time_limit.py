@@ -82,7 +82,7 @@ def test_a_truth_that_was_cut_short_is_not_kept(monkeypatch: pytest.MonkeyPatch,
 def test_where_no_progress_is_shown_a_truth_that_takes_long_is_said_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(progress, "PATIENCE", -1.0)
+    monkeypatch.setattr(progress, "NOTICE_DELAY", -1.0)
     with caplog.at_level(logging.ERROR), ProgressLine(sys.stderr) as shown:
         shown.stage("truths", 1)
         shown.begun("level", f"default {TRUTH}")

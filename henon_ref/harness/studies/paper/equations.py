@@ -25,6 +25,7 @@ from henon_ref.harness.studies.paper.systems import (
     PERIOD,
     POSITION,
     STRETCH,
+    STRIBECK,
     VP,
     X1,
     X2,
@@ -32,7 +33,6 @@ from henon_ref.harness.studies.paper.systems import (
     Findings,
     M,
     S,
-    V,
     W,
     Z,
     belt_oscillator,
@@ -40,7 +40,6 @@ from henon_ref.harness.studies.paper.systems import (
     same,
     same_all,
     same_set,
-    stribeck,
 )
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -54,16 +53,16 @@ EDGE = 2 / (3 * sp.sqrt(3))
 """Upper boundary value of mu0 for k1 = k2 = 1."""
 INNER, OUTER = 1 / sp.sqrt(3), 2 / sp.sqrt(3)
 """Positions at which the stick zones meet and end if mu0 is the boundary value."""
-MOST = 4 * sp.sqrt(3) / 9
+RIGHT_EDGE = 4 * sp.sqrt(3) / 9
 """Right edge of Fig. 7c."""
 
 
 def section_2() -> Findings:
     """Compare every equation of Sec. 2 with the normal velocities of the system."""
-    analysis = TangentAnalysis(systems.section_2(), POSITION)
+    analysis = TangentAnalysis(systems.section_2({}), POSITION)
     normals, boundary = analysis.normals, analysis.boundary_values(MU0)
     acceleration = analysis.system.field[1]
-    from_eq_1 = ((K1 * X1 - K2 * X1**3 - stribeck(V)) / M).subs({M: 1, K1: 1, K2: 1})
+    from_eq_1 = ((K1 * X1 - K2 * X1**3 - STRIBECK) / M).subs({M: 1, K1: 1, K2: 1})
     double = sp.solve(sp.discriminant(normals[1], Z), MU0)
     shared = sp.solve(sp.resultant(normals[1], normals[-1], Z), MU0)
     none, edge = (
@@ -88,11 +87,11 @@ def section_2() -> Findings:
 
 def section_4() -> Findings:
     """Check Eqs. (17)-(24), Figs. 6 and 7."""
-    analysis = TangentAnalysis(systems.section_4(), STRETCH)
+    analysis = TangentAnalysis(systems.section_4({}), STRETCH)
     z = X1 - BASE
     fields = (analysis.system.field[1].subs({S: s, DELTA: 1}) - MU0 / (VP - X2 - s) / M for s in (-1, 1))
     fits = all(same(field, (K2 * z**3 - K1 * z) / M) for field in fields)
-    printed = TangentAnalysis(belt_oscillator(-K1 * z + K2 * z**3 + stribeck(V), M, FIG8_VALUES), STRETCH)
+    printed = TangentAnalysis(belt_oscillator(-K1 * z + K2 * z**3 + STRIBECK, M, FIG8_VALUES), STRETCH)
     outer, inner = sp.sqrt(K1 / K2), sp.sqrt(K1 / (3 * K2))
     edge = 2 * K1 / 3 * inner
     points = TangentAnalysis(systems.section_4(FIG8_VALUES), STRETCH).tangent_points()
@@ -101,7 +100,7 @@ def section_4() -> Findings:
     at_edge = {MU0: EDGE, Z: INNER}
     beyond = [
         TangentAnalysis(systems.section_4({**unit, MU0: mu0}), STRETCH).tangent_points()
-        for mu0 in (EDGE / 2, EDGE, EDGE * sp.Rational(3, 2), MOST)
+        for mu0 in (EDGE / 2, EDGE, EDGE * sp.Rational(3, 2), RIGHT_EDGE)
     ]
     return Findings(
         {
@@ -157,14 +156,8 @@ def rig_equations() -> Findings:
 def eq27(system: FilippovSystem, *, printed: bool) -> tuple[sp.Expr, ...]:
     """Eq. (27) with the friction of Eq. (28) in slip, written explicitly in the states and the sign of a rig.
 
-    xi1 ... xi7 are those of the paper, in the rig's parameters.
-
-    Parameters
-    ----------
-    system : FilippovSystem
-        A rig.
-    printed : bool
-        Whether to use the signs as printed, or ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
+    xi1 ... xi7 are those of the paper, in the rig's parameters. ``printed``: whether to use the signs as printed, or
+    ``x2' = -x1 - xi1 (xi2 (x2 + x4) + x3 + T)``.
     """
     m, k1, k2, k3, c1, c2, mu0, delta, a, b, r, vp = sp.symbols("m k1 k2 k3 c1 c2 mu0 delta a b r vp", real=True)
     (x1, x2, x3, x4), (s,) = system.states, system.signs

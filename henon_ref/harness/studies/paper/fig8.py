@@ -50,12 +50,12 @@ class Stick:
     length: float
 
 
-def sticks(transitions: Iterable[Transition], after: float = 60.0) -> list[Stick]:
-    """Complete sticks that end later than ``after``, longest first."""
+def sticks(transitions: Iterable[Transition]) -> list[Stick]:
+    """Complete sticks that end later than 60 s, longest first."""
     found = [
         Stick(a.time, b.time - a.time, b.state[0] - a.state[0])
         for a, b in pairwise(transitions)
-        if a.kind == "stick" and b.time > after
+        if a.kind == "stick" and b.time > 60.0
     ]
     return sorted(found, key=lambda s: -s.duration)
 

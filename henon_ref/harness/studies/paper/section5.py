@@ -48,15 +48,15 @@ SETS = {
 SINCE, SPAN, SAMPLES = 3000, 9000, 45001
 """The paper's samples: from t = 3000 to t = 12000, 0.2 apart."""
 INTERVAL = SPAN / (SAMPLES - 1)
-LONG = 10_000.0
+AVERAGING_TIME = 10_000.0
 """Time over which the variational exponents are averaged."""
 RADIUS, DELAY = 0.05, 5
 """Settings of the estimate, see :func:`estimated`."""
 LEAST, APART = 12, 25
 """Smallest number of neighbours (a ball with fewer is widened), and distance in samples up to which two samples are not
 neighbours, since they are on the same piece of orbit (Theiler 1986)."""
-ZERO = 5e-4
-"""An exponent whose average over ``LONG`` is below this counts as zero."""
+ZERO_EXPONENT = 5e-4
+"""An exponent whose average over ``AVERAGING_TIME`` is below this counts as zero."""
 LOWEST = -60.0
 """Bottom of the figure's axis of exponents [1/s]."""
 
@@ -78,13 +78,13 @@ class Measured:
     @property
     def zeros(self) -> int:
         """Number of exponents that count as zero."""
-        return sum(abs(e) < ZERO for e in self.spectrum.exponents)
+        return sum(abs(e) < ZERO_EXPONENT for e in self.spectrum.exponents)
 
 
 def measured(kind: str) -> Measured:
     """Compute the exponents of one kind of motion, by the equations and by the paper's number of samples."""
     problem = shipped_problem(*SETS[kind])
-    spectrum = lyapunov_spectrum(problem, discard=1000.0, span=LONG)
+    spectrum = lyapunov_spectrum(problem, discard=1000.0, span=AVERAGING_TIME)
     times = np.linspace(SINCE, SINCE + SPAN, SAMPLES)
     longer = replace(problem, until=sp.Integer(SINCE + SPAN))
     run = HENON_SOLVER.prepare(longer, rtol=1e-12, sample_times=times)()
@@ -100,9 +100,9 @@ def section() -> Findings:
     deviation = chaotic.spectrum.standard_errors[0]
     periods, belt, equations = _periods(), moving_belt(), rig_equations()
     signs = (
-        abs(max(periodic.estimates)) < 10 * ZERO
-        and sorted(map(abs, quasi_periodic.estimates))[1] < 10 * ZERO
-        and estimate > 10 * ZERO
+        abs(max(periodic.estimates)) < 10 * ZERO_EXPONENT
+        and sorted(map(abs, quasi_periodic.estimates))[1] < 10 * ZERO_EXPONENT
+        and estimate > 10 * ZERO_EXPONENT
     )
     return Findings(
         {
@@ -128,7 +128,7 @@ def section() -> Findings:
             "estimate": estimate,
             "largest": largest,
             "deviation": deviation,
-            "span": LONG,
+            "span": AVERAGING_TIME,
         },
         {"section5_motions": draw_motions(sets), "section5_estimate": draw_estimate(chaotic)},
     )
@@ -230,28 +230,13 @@ def estimated(
 ) -> tuple[list[float], float]:
     """Estimate the Lyapunov exponents of a flow from samples; no radius and delay are right for all samples.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (k, n)
-        States at intervals of :data:`INTERVAL`.
-    radius : float
-        Radius of the ball of neighbours, relative to the size of the set (root-mean-square distance from the mean).
-    delay : int
-        Number d of samples between a distance and its image, and between two reference points.
-    cutoff : float
-        A direction is left out if the neighbours' spread in it is below this part of their largest spread.
+    ``samples``, shape (k, n), are states at intervals of :data:`INTERVAL`. ``radius`` is that of the ball of
+    neighbours, relative to the size of the set (root-mean-square distance from the mean), and ``delay`` the number d of
+    samples between a distance and its image, and between two reference points. A direction is left out if the
+    neighbours' spread in it is below the part ``cutoff`` of their largest spread.
 
-    Returns
-    -------
-    exponents : list of float
-        The n exponents [1/s], in the order of the basis vectors (largest first, up to statistical noise).
-    directions : float
-        Mean number of directions that the neighbours span.
-
-    Raises
-    ------
-    ModelError
-        If samples are not finite, or too few.
+    Returns the n exponents [1/s] in the order of the basis vectors (largest first, up to statistical noise), and the
+    mean number of directions that the neighbours span. ModelError if samples are not finite, or too few.
     """
     samples = np.ascontiguousarray(samples, dtype=float)
     if not np.isfinite(samples).all():

@@ -30,6 +30,8 @@ X1, X2, S, Z = sp.symbols("x1 x2 s z", real=True)
 M, K1, K2, MU0, VP, A, W, DELTA = sp.symbols("m k1 k2 mu0 vp A w delta", real=True)
 V = X2 - VP
 BASE = A * sp.sin(W * TIME)
+STRIBECK = S * MU0 / (1 + DELTA * S * V)
+"""T of Eq. (2), with the sign symbol for sgn(V)."""
 POSITION = X1
 """Sec. 2: the coordinate on the surface is x1."""
 STRETCH = X1 - BASE
@@ -73,25 +75,20 @@ def printed_points() -> tuple[sp.Expr, ...]:
     return (*upper, *(-v for v in reversed(upper)))
 
 
-def stribeck(v: sp.Expr) -> sp.Expr:
-    """T of Eq. (2), with the sign symbol for sgn(v)."""
-    return S * MU0 / (1 + DELTA * S * v)
-
-
-def belt_oscillator(force: sp.Expr, mass: sp.Expr, values: Values | None = None) -> FilippovSystem:
+def belt_oscillator(force: sp.Expr, mass: sp.Expr, values: Values) -> FilippovSystem:
     """``x1' = x2, mass x2' = force`` on the belt; the force has the friction's sign symbol ``s``."""
-    return FilippovSystem((X1, X2), (S,), (V,), (X2, force / mass), values or {})
+    return FilippovSystem((X1, X2), (S,), (V,), (X2, force / mass), values)
 
 
-def section_2(values: Values | None = None) -> FilippovSystem:
+def section_2(values: Values) -> FilippovSystem:
     """Eqs. (4) and (5): m = k1 = k2 = 1, with the spring's force of Eq. (1)."""
-    return belt_oscillator(X1 - X1**3 - stribeck(V), sp.Integer(1), values)
+    return belt_oscillator(X1 - X1**3 - STRIBECK, sp.Integer(1), values)
 
 
-def section_4(values: Values | None = None) -> FilippovSystem:
+def section_4(values: Values) -> FilippovSystem:
     """Eq. (18), and Eq. (17) with friction opposing the sliding velocity."""
     z = X1 - BASE
-    return belt_oscillator(-K1 * z + K2 * z**3 - stribeck(V), M, values)
+    return belt_oscillator(-K1 * z + K2 * z**3 - STRIBECK, M, values)
 
 
 def fig8_equations() -> Problem:

@@ -50,7 +50,7 @@ STICKS = (1.17430046762285, 0.41641643691198)
 """Durations of the sticks of the periodic orbit of Fig. 8's `listing_limit` [s], certified by Krawczyk's test."""
 SETTLED = 500.0
 """Time after which the influence of the start is below rounding [s] (the orbit's multiplier is 0.4 per period)."""
-SEEN = 400
+LAST_TRANSITIONS = 400
 """Number of last transitions in which 20 complete sticks are found."""
 _STICK, _RELEASE = 0, 1
 _Transition = tuple[tuple[float, float], int | None]
@@ -199,10 +199,10 @@ def _streamed(integrator: Integrator, problem: Problem) -> Callable[[], Ended]:
     start = integrator.start(problem, tolerance=TOLERANCE)
 
     def run() -> Ended:
-        count, last = 0, deque[_Transition](maxlen=SEEN)
+        count, last = 0, deque[_Transition](maxlen=LAST_TRANSITIONS)
         for block in Run(integrator, start).stream():
             count += len(block)
-            last.extend(zip(block.times[-SEEN:], block.kinds[-SEEN:], strict=True))
+            last.extend(zip(block.times[-LAST_TRANSITIONS:], block.kinds[-LAST_TRANSITIONS:], strict=True))
         return count, last
 
     return run
@@ -215,7 +215,7 @@ def _whole(solver: Solver, problem: Problem) -> Callable[[], Ended]:
 
     def run() -> Ended:
         transitions = prepared().transitions
-        return len(transitions), [((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-SEEN:]]
+        return len(transitions), [((t.time, t.time_low), codes.get(t.kind)) for t in transitions[-LAST_TRANSITIONS:]]
 
     return run
 

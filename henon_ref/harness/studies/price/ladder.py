@@ -77,12 +77,8 @@ class Ready(ReadingRow):
 def solvers(chosen: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of the ladder's solvers: the reference and ``chosen``, or the default solvers and :data:`WHEN_NAMED`.
 
-    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case.
-
-    Raises
-    ------
-    CaseError
-        If a name is unknown.
+    ``all`` includes the installed peers. Solvers with a fixed step use the steps of the case. CaseError if a name is
+    unknown.
     """
     named = [registry.check(name) for name in chosen if name != registry.ALL]
     if registry.ALL in chosen:
@@ -274,12 +270,14 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
     is_time = count == "wall_s"
     ladders = by_solver(row for row in right(rows) if row.max_time_error_s is not None and getattr(row, count))
     lines = style.lines_of(by_solver(right(rows)))
-    tips = {}
+    tips, floor = {}, 1e-16  # smaller errors [s] are drawn as this one
     with style.figure(4.4) as figure:
         axes = figure.add_axes((0.1, 0.12, 0.645, 0.8))
         axes.set(xscale="log", yscale="log")
+        if ladders and all(number(row.max_time_error_s) <= floor for ladder in ladders.values() for row in ladder):
+            axes.set_ylim(0.1 * floor, 10.0 * floor)  # matplotlib finds no limits around one small number
         for solver, ladder in ladders.items():
-            errors = [max(number(row.max_time_error_s), 1e-16) for row in ladder]
+            errors = [max(number(row.max_time_error_s), floor) for row in ladder]
             points = [(getattr(row, count), error) for row, error in zip(ladder, errors, strict=True)]
             draw_line(axes, lines[solver], points, "", ms=3.5)
             if is_time:
@@ -289,7 +287,7 @@ def draw_ladder(rows: Sequence[RunRow], count: str) -> Figure:
         style.decades(axes.xaxis, style.time_text if is_time else style.power_of_ten)
         style.decades(axes.yaxis)
         ordered = sorted(tips, key=lambda solver: -tips[solver])
-        label_column(axes, [(solver, lines[solver]) for solver in ordered], x=1.045, gap=0.05)
+        label_column(axes, [(solver, lines[solver]) for solver in ordered], gap=0.05)
         if is_time:
             axes.plot([], [], color=style.GREY, lw=0.8, label="95 % interval of the median")
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)

@@ -61,15 +61,10 @@ def write_page(
     work: operations.Work,
     parts: Mapping[str, Sequence[Any]],
 ) -> Path:
-    """Write rows, figures and page.
+    """Write rows, figures and page; OSError if the folder cannot be written.
 
     ``rows`` are the runs of the ladder, ``failed`` says which pairs could not be timed and why, and ``parts`` has the
     rows of each measurement in :data:`PARTS`.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
     """
     sections = []
     figures = {"growth.svg": accuracy.draw_growth(parts["growth"]), "states.svg": chains.draw_sizes(parts["sizes"])}

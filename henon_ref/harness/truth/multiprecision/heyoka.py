@@ -71,17 +71,10 @@ def to_heyoka(
 ) -> Any:
     """Translate a smooth expression to heyoka; ModelError if heyoka has no Taylor recurrence for a function.
 
-    Parameters
-    ----------
-    expression : Expr
-        Its symbols are those of ``symbols`` and ``switches``; all other parts are exact numbers.
-    symbols : mapping
-        Symbol -> heyoka expression (``hy.time`` for time).
-    constant : callable
-        Exact number or expression in switches -> heyoka constant or run-time parameter.
-    switches : collection of Symbol
-        Symbols that are numbers in a run. All switches and numbers of a product become one parameter, because heyoka
-        would compute a series for a product of several, and a product of series costs the square of the order.
+    Its symbols are those of ``symbols`` (symbol -> heyoka expression, ``hy.time`` for time) and ``switches``, which are
+    numbers in a run; all other parts are exact numbers. ``constant`` makes a heyoka constant or run-time parameter of
+    an exact number or an expression in switches. All switches and numbers of a product become one parameter, because
+    heyoka would compute a series for a product of several, and a product of series costs the square of the order.
     """
     telling = frozenset(switches)
 

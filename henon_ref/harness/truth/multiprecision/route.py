@@ -43,7 +43,7 @@ log = logging.getLogger(__name__)
 
 LADDER = ((256, 224), (512, 448), (1024, 896))
 """Pairs of precisions [bits], tried in turn; the digits come from the first precision of a pair."""
-LONG = 5.0
+LONG_RUN = 5.0
 """Expected remaining processor time of the first run [s] beyond which a second process is worth its start of 2 s."""
 
 
@@ -76,7 +76,7 @@ def _runs(
     def shown(done: float) -> None:
         nonlocal apart
         remaining = (process_time() - begun) * (1.0 - done) / max(done, 0.2)
-        if apart is None and remaining > LONG and processors() > 1:
+        if apart is None and remaining > LONG_RUN and processors() > 1:
             apart = thread.submit(_by_worker, problem, pair[1], limits[1], ended)
         if progress is not None:
             progress(done / 2 if apart is None else done)

@@ -225,14 +225,14 @@ class _Simulation:
         for root in roots:
             touch = not root.odd and (guard.kind != "release" or self.problem.system.held_inside(guard.index))
             if sign > 0 and (root.odd or touch):
-                slope = self._slope(step, index, root.at, skipped, polynomial, root.odd)
+                slope = self._slope(step, root.at, skipped, polynomial, root.odd)
                 return _Hit(root.at.mid(), index, slope, root.odd)
             if root.odd:
                 sign = -sign
         self.signs[index] = sign
         return None
 
-    def _slope(self, step: Step, index: int, at: arb, skipped: int, polynomial: Sequence[arb], odd: bool) -> float:
+    def _slope(self, step: Step, at: arb, skipped: int, polynomial: Sequence[arb], odd: bool) -> float:
         """Rate at which a guard falls at a root [unit of the guard / s]; 0 if it only touches zero."""
         if not odd:
             return 0.0

@@ -21,7 +21,7 @@ CROWD = 16
 """Number of successive crowded events from which on transitions count as accumulating."""
 CYCLE = 4
 """Number of events, a multiple of a cycle's, after which the gaps between crowded events shrink by one factor."""
-MEMORY = 24
+STEPS_COMPARED = 24
 """Number of steps compared to distinguish a blow-up (increments persist) from a singular field (they decrease)."""
 
 
@@ -49,7 +49,7 @@ class Termination:
     def __init__(self, span: float, bits: int) -> None:
         self.span = span
         self.shortest = 2.0 ** (-bits // 2) * span
-        self._increments: deque[float] = deque(maxlen=MEMORY)
+        self._increments: deque[float] = deque(maxlen=STEPS_COMPARED)
         self._crowded = 0
 
     def event(self, times: Sequence[arb]) -> None:
@@ -89,7 +89,7 @@ class Termination:
                 raise EndedError(
                     "invalid", f"the model ends: {guard.expression} fell to 0 at t = {written(limit)}", limit
                 )
-        if len(self._increments) == MEMORY and self._increments[-1] > 0.5 * self._increments[0]:
+        if len(self._increments) == STEPS_COMPARED and self._increments[-1] > 0.5 * self._increments[0]:
             raise EndedError("diverged", f"the state leaves every bound at t = {written(limit)}", limit)
         raise EndedError("failed", f"the field is singular at t = {written(limit)}: the solution ends there", limit)
 

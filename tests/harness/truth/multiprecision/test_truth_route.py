@@ -64,7 +64,7 @@ def shared(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, Run | None]]:
         done.append((bits, by_worker(problem, bits, *given)))
         return done[-1][1]
 
-    monkeypatch.setattr(multiprecision, "LONG", -1.0)
+    monkeypatch.setattr(multiprecision, "LONG_RUN", -1.0)
     monkeypatch.setattr(multiprecision, "processors", lambda: 2)
     monkeypatch.setattr(multiprecision, "_by_worker", noted)
     return done
