@@ -242,7 +242,10 @@ static bool group_decided(const struct work *w, struct group *g)
         p.point = resting_point(w, g), p.values = p.point + p.first;
         for (int64_t k = 0; k < g->count; k++)
             p.surface[k] = g->contact[k];
-        int64_t found = affine_velocities(w, &p, &f) ? only_candidate(&f, p.count) : UNCLEAR;
+        if (!affine_velocities(w, &p, &f))
+            return false;
+        find_multiples(w, &p, &f);
+        int64_t found = only_candidate(&f, p.count);
         if (found < 0)
             return false;
         for (int64_t k = 0; k < g->count; k++)

@@ -116,10 +116,10 @@ static inline bool tail_unconverged(const struct work *w, int64_t rows, double t
 
 /* Estimate the rounding error of each slope of a state and of each guard at "point" and time "end", written to "change".
  *
- * The error of a slope is at least the bound of its own operations. "neighbours": the values at two neighbours are
- * compared, too, whose states differ by a few units in the last place, in one direction and in alternating ones: no
- * number of terms predicts how the root of an argument next to zero amplifies rounding. "ahead", the expansion of the
- * point by "code", is restored.
+ * The error is at least the bound of the own operations, except of guards with branch points. "neighbours": the values
+ * at two neighbours are compared, too, whose states differ by a few units in the last place, in one direction and in
+ * alternating ones: no number of terms predicts how the root of an argument next to zero amplifies rounding. "ahead",
+ * the expansion of the point by "code", is restored.
  */
 static void measure_rounding(const struct work *w, expand_code code, struct pair end, bool neighbours)
 {
@@ -127,8 +127,10 @@ static void measure_rounding(const struct work *w, expand_code code, struct pair
     int64_t n = run->states, rows = n + w->mode->guards;
     double *rounding = w->change, *point = w->point;
     w->mode->rounding(end.high, end.low, OWN_ROUNDING, point, w->constants, rounding);
-    for (int64_t r = 0; r < rows; r++)
-        rounding[r] = r < n && rounding[r] < INFINITY ? run->unit * rounding[r] : 0.0;
+    for (int64_t r = 0; r < rows; r++) {
+        bool smooth = r < n || w->mode->guard[r - n].branches == 0;
+        rounding[r] = smooth && rounding[r] < INFINITY ? (r < n ? run->unit : 1.0) * rounding[r] : 0.0;
+    }
     if (!neighbours)
         return;
     for (int64_t r = 0; r < rows; r++) {
@@ -231,7 +233,8 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
     /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool branches = w->mode->branches != 0; /* next to a branch point no slope is excused by its rounding error */
-    bool measured = false, near = true; /* near: no prediction is far off */
+    bool near = true; /* no prediction is far off */
+    int measured = 0; /* 1: rounding of the slopes; 2: also that of the states */
     for (int64_t r = 0; r < n + guards; r++) {
         if (r >= n && w->faint[r - n] != 0)
             continue;
@@ -250,10 +253,12 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         double part = hidden ? hidden_part(w, r >= n) : AGREEMENT;
         double least = r < n ? larger(4.0 * EPS * fabs(w->x[r]) / at, w->own_rounding[r]) : 0.0;
         double allowed = larger(part * size, least);
-        if ((!branches || (r >= n && !smooth)) && off > allowed) {
-            if (!measured)
-                measure_rounding(w, code, end, hidden || branches);
-            measured = true;
+        if ((!branches || r >= n) && off > allowed) { /* next to zero a guard is mostly rounding */
+            int wanted = hidden || branches || r >= n ? 2 : 1;
+            if (measured < wanted) {
+                measure_rounding(w, code, end, wanted == 2);
+                measured = wanted;
+            }
             allowed = larger(allowed, w->change[r]);
         }
         if (!(off <= allowed)) {

@@ -135,3 +135,13 @@ def test_a_model_that_just_ceases_to_hold_as_a_load_touches_ends(rtol: float) ->
     problem = make_problem("x", ["1 - (t - 1)**2 - s"], {"s": "x"}, [0], 2, valid=["(t - 1)**2"])
     result = run(problem, rtol)
     assert (result.status, kinds(result), result.end_time) == ("invalid", [], 1.0)
+
+
+@TOLERANCES
+@pytest.mark.parametrize(("speed", "told"), [("3/2", ["graze"]), ("41/25", [])])
+def test_a_touch_in_the_first_mode_is_told_if_the_start_is_given_by_doubles(
+    speed: str, told: list[str], rtol: float
+) -> None:
+    """Otherwise the surface is named in ``undecided_after``."""
+    result = run(make_problem("x v", ["v", "-x"], {"s": f"v + {speed}"}, [0, speed], 4), rtol)
+    assert (result.status, kinds(result), len(result.undecided_after)) == ("ok", told, 1 - len(told))

@@ -14,6 +14,7 @@ import sympy as sp
 from numpy.typing import NDArray
 from problems import make_problem
 
+import henon_ref as hr
 from henon_ref.casefile.case import load_case
 from henon_ref.errors import ModelError
 from henon_ref.integrator import points
@@ -243,3 +244,24 @@ def test_a_system_with_values_of_its_parameters_is_refused() -> None:
     problem = problem_of("stribeck_belt.yaml")
     with pytest.raises(ModelError, match="values of its parameters"):
         list(PointRuns(Integrator(problem.system, 8), [[1.0]], [[1.0, 0.0]], until=1.0, tolerance=1e-6))
+
+
+def test_a_stack_without_static_friction_beside_a_contact_with_it_is_decided() -> None:
+    """Blocks a and b slide against each other where a turns; c is held by 3/2 after its slide."""
+    scene = hr.Scene()
+    a, b, c = (scene.body(name, mass=1) for name in "abc")
+    scene.spring(a, scene.wall, stiffness=1)
+    scene.friction(a, scene.wall, law="coulomb", force=1)
+    scene.friction(b, a, law="coulomb", force=0.5)
+    scene.friction(c, scene.wall, law="coulomb", force=1, static=1.5)
+    system, initial = scene.system(), {"x_a": 0, "v_a": -2, "x_b": 0, "v_b": 1, "x_c": 0, "v_c": 1}
+    run = hr.simulate(system, initial, until=5, rtol=TOLERANCE)
+    assert run.transitions["kind"].tolist() == ["crossing", "stick", "stick", "stick"]
+    assert run.transitions["time_s"].tolist()[:2] == pytest.approx([np.arcsin(0.8), 1], abs=1e-9)
+    assert run.counts.decisions.mode_selections == 0
+    table = hr.sweep(
+        system, initial, until=5, grid={"v_b": [1, 2]}, observe=[hr.observe.final_state()], rtol=TOLERANCE, jobs=1
+    )
+    for point, speed in enumerate([1, 2]):
+        alone = hr.simulate(system, {**initial, "v_b": speed}, until=5, rtol=TOLERANCE)
+        assert [table[f"final_{x}"][point] for x in system.state] == alone.y[:, -1].tolist()

@@ -9,6 +9,7 @@ import pytest
 from often import daily
 from problems import make_problem
 from runs import kinds, run, times
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 TOLERANCES = daily([1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-12, 1e-14], some=[1e-3, 1e-6, 1e-9, 1e-14])
@@ -199,3 +200,27 @@ def test_late_is_no_excuse_to_step_over_a_branch_point(rtol: float) -> None:
     event = result.transitions[0]
     assert (event.time - 1e9) + event.time_low == pytest.approx(1e-9, rel=10 * rtol)
     assert result.end_state[0] < 1e-20
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10, 1e-12])
+@pytest.mark.parametrize(
+    ("fall", "belt", "start"),
+    [
+        ("sqrt(u**2 + 10**-6)*100", "3/10", [0, "3/10"]),
+        ("(u*10**4)**2", "27/125 + 171*cos(1371*t/1000)/500", ["-617/1000", 0]),
+    ],
+)
+def test_rounding_of_a_sliding_velocity_after_a_release_shortens_no_step(
+    fall: str, belt: str, start: list[str], tolerance: float
+) -> None:
+    """It begins as the square of time: on the second step its rounding is large beside it. In the last mode, DOP853."""
+    sliding = f"(v - ({belt}))"
+    field = "-x + 129*cos(1371*t/1000)/200 - s*79*(3 + 2*exp(-{}))/500".format(fall.replace("u", sliding))
+    result = run(make_problem("x v", ["v", field], {"s": sliding}, start, 8), rtol=tolerance)
+    release = result.transitions[-1]
+    assert (result.status, release.kind) == ("ok", "release")
+    rates = eval("lambda t, x, v: " + field, {"s": release.to_mode[0], "cos": np.cos, "exp": np.exp, "sqrt": np.sqrt})
+    exact = solve_ivp(
+        lambda t, y: [y[1], rates(t, *y)], (release.time, 8), release.state, method="DOP853", rtol=1e-12, atol=1e-14
+    )
+    assert result.end_state == pytest.approx(exact.y[:, -1], abs=100 * tolerance + 1e-10)
