@@ -17,6 +17,7 @@
 
 #include "compensated_time.c"
 #include "step_size.c"
+#include "tail.c"
 #include "validation.c"
 #include "contacts.c"
 #include "recorder.c"
