@@ -100,12 +100,12 @@ def ensemble(starts: NDArray[np.float64], lanes: int, tolerance: float) -> tuple
     return time.process_time() - began, ends
 
 
-def swept(starts: NDArray[np.float64], rtol: float) -> tuple[float, NDArray[np.float64]]:
+def swept(system: hr.System, starts: NDArray[np.float64], rtol: float) -> tuple[float, NDArray[np.float64]]:
     """A sweep in this process: processor time [s], and final states."""
     grid = {"x": starts[:, 0], "v": starts[:, 1]}
     began = time.process_time()
     table = hr.sweep(
-        friction_oscillator(), {"x": 0, "v": 0}, until=UNTIL, grid=pd.DataFrame(grid), rtol=rtol, jobs=1,
+        system, {"x": 0, "v": 0}, until=UNTIL, grid=pd.DataFrame(grid), rtol=rtol, jobs=1,
         observe=[hr.observe.final_state()],
     )  # fmt: skip
     return time.process_time() - began, table[["final_x", "final_v"]].to_numpy()
@@ -116,14 +116,15 @@ def main(points: int) -> None:
     lanes = hy.recommended_simd_size()
     draws = {"x": {"uniform": [-2, 2]}, "v": {"uniform": [0, 2]}}
     starts = hr.points.random(draws, count=points // lanes * lanes, seed=1).values
-    _, truth = swept(starts, 1e-14)
+    system = friction_oscillator()
+    _, truth = swept(system, starts, 1e-14)
     ways = {
-        "henon, sweep": lambda tolerance: swept(starts, tolerance),
+        "henon, sweep": lambda tolerance: swept(system, starts, tolerance),
         f"heyoka, batches of {lanes}": lambda tolerance: batch(starts, lanes, tolerance),
         f"heyoka, ensemble of batches of {lanes}": lambda tolerance: ensemble(starts, lanes, tolerance),
     }
     for tolerance in (1e-8, 1e-10, 1e-12):
-        swept(starts, tolerance)  # compiles all code, as heyoka's integrator is compiled before its time is taken
+        swept(system, starts, tolerance)  # compiles all code, as heyoka's is before its time is taken
         for name, way in ways.items():
             took, ends = way(tolerance)
             error = np.max(np.abs(ends - truth), axis=1)
