@@ -37,9 +37,9 @@ BUFFER = 4 * CHUNK
 """Initial capacity of the buffer of transitions."""
 STEPS = 1_000_000
 """Number of steps after which a call returns, so that interrupts are noticed: some tenths of a second."""
-ALONE = 100_000
-"""Number of steps of an integrator after which it takes the steps of several runs together. For a friction oscillator,
-these steps take as long as compiling the code for this."""
+STEPS_ALONE = 1_000_000
+"""Number of steps of an integrator after which it takes the steps of several runs together: compiling the code for this
+takes about as long as these steps."""
 TRIES = 16
 """Number of consecutive points set aside without a new mode after which the call no longer stops for them."""
 
@@ -173,8 +173,8 @@ class PointRuns:
             first = last
 
 
-class _Lane:
-    """One of the runs in progress, and the buffer of its transitions; ``record``: a ``struct lane``."""
+class _Slot:
+    """One of the runs in progress, and the buffer of its transitions; ``record``: a ``struct slot``."""
 
     def __init__(self, record: Any, workspace: Workspace, surfaces: int, width: int) -> None:
         self.record, self.workspace = record, workspace
@@ -187,12 +187,12 @@ class _Lane:
 
     def finished(self) -> NDArray[np.float64]:
         """Take the transitions of finished points out of the buffer."""
-        lane, kept = self.record, self.kept
-        found, rest = kept[: lane.finished].copy(), kept[lane.finished : lane.filled].copy()
-        if not len(found) and lane.running:  # one point has filled the buffer
+        slot, kept = self.record, self.kept
+        found, rest = kept[: slot.finished].copy(), kept[slot.finished : slot.filled].copy()
+        if not len(found) and slot.running:  # one point has filled the buffer
             self._use(np.empty((2 * len(kept), kept.shape[1])))
         self.kept[: len(rest)] = rest
-        lane.filled, lane.finished = len(rest), 0
+        slot.filled, slot.finished = len(rest), 0
         return found
 
 
@@ -214,38 +214,38 @@ class _Part:
         points.states, (points.after, points.open_sticks) = doubles(runs.states[self.part]), runs.keep
         points.width = 1 + TRANSITION_PLACES + runs.states.shape[1] + 2 * self.words
         points.surface_count, points.stop_aside = len(runs.integrator.system.surfaces), True
-        self.records, self.lanes = ffi.new("struct lane[]", kernel.MOST_LANES), list[_Lane]()
+        self.records, self.slots = ffi.new("struct slot[]", kernel.SLOTS), list[_Slot]()
 
     def run(self) -> Iterator[NDArray[Any]]:
         """Do the runs; yield the kept transitions."""
         try:
             yield from self._compiled()
         finally:
-            self.integrator.free += [lane.workspace for lane in self.lanes]
+            self.integrator.free += [slot.workspace for slot in self.slots]
         for point in np.flatnonzero(self.runs.ends["code"][self.part] == kernel.SET_ASIDE).tolist():
             if self.first + point not in self.runs.others:
                 yield from self._in_python(point)
 
     def _compiled(self) -> Iterator[NDArray[Any]]:
-        points, integrator, table, lanes = self.points, self.integrator, self.table, self.lanes
+        points, integrator, table, slots = self.points, self.integrator, self.table, self.slots
         tries, data, codes = TRIES, None, {kernel.RUNNING}
         while codes != {kernel.DONE}:
-            left = ALONE - integrator.steps_of_points
+            left = STEPS_ALONE - integrator.steps_of_points
             self._open(together=left <= 0)
             points.steps = left if left > 0 else STEPS
             if data is None or data.compiled is not table.compiled:
                 tries, data = TRIES, self._constants()
-            integrator.steps_of_points += kernel.run_points(self.records, len(lanes), points, data.tables)
-            codes = {lane.record.code for lane in lanes}
-            for lane in lanes:
-                if lane.record.code == kernel.ASIDE:
-                    yield from self._in_python(lane.record.point)
+            integrator.steps_of_points += kernel.run_points(self.records, len(slots), points, data.tables)
+            codes = {slot.record.code for slot in slots}
+            for slot in slots:
+                if slot.record.code == kernel.ASIDE:
+                    yield from self._in_python(slot.record.point)
                     tries -= 1
                     points.stop_aside = tries > 0 or data.compiled is not table.compiled
-                elif lane.record.code == kernel.BUFFER_FULL:
-                    yield from self._handed_out(lane)
-        for lane in lanes:
-            yield from self._handed_out(lane)
+                elif slot.record.code == kernel.BUFFER_FULL:
+                    yield from self._handed_out(slot)
+        for slot in slots:
+            yield from self._handed_out(slot)
         if self.words:
             done = np.flatnonzero(self.runs.ends["code"][self.part] != kernel.SET_ASIDE)
             modes, places = numbered(self.rows[done], table.contacts)
@@ -255,16 +255,16 @@ class _Part:
         return run_template(self.table.sizes, stepping=stepping, **self.runs.settings)
 
     def _open(self, together: bool) -> None:
-        """Provide a lane, or several whose steps are taken together."""
-        points, lanes = self.points, self.lanes
+        """Provide a slot, or several whose steps are taken together."""
+        points, slots = self.points, self.slots
         several = together and points.count > 1 and self.table.compile_lanes()
-        count = min(kernel.MOST_LANES, points.count) if several else 1
-        if len(lanes) < count > 1:
+        count = min(kernel.SLOTS, points.count) if several else 1
+        if len(slots) < count > 1:
             points.start = self.template = self._template(kernel.TOGETHER)
-            for lane in lanes:
-                lane.workspace.run.stepping = kernel.TOGETHER
-        for i in range(len(lanes), count):
-            lanes.append(_Lane(self.records + i, self.integrator.workspace(), points.surface_count, points.width))
+            for slot in slots:
+                slot.workspace.run.stepping = kernel.TOGETHER
+        for i in range(len(slots), count):
+            slots.append(_Slot(self.records + i, self.integrator.workspace(), points.surface_count, points.width))
 
     def _array(self, kept: NDArray[np.float64]) -> NDArray[Any]:
         """Convert rows of the buffer to the array of transitions that is yielded."""
@@ -311,9 +311,9 @@ class _Part:
         self.points.numbers_step = numbers.shape[1] if len(numbers) > 1 else 0
         return program.of(numbers)
 
-    def _handed_out(self, lane: _Lane) -> Iterator[NDArray[Any]]:
-        """Yield the transitions of the points that a lane has finished."""
-        found = lane.finished()
+    def _handed_out(self, slot: _Slot) -> Iterator[NDArray[Any]]:
+        """Yield the transitions of the points that a slot has finished."""
+        found = slot.finished()
         if len(found):
             found.view(np.int64)[:, 0] += self.first
             yield self._array(found)
@@ -326,15 +326,15 @@ class _Part:
             runs.refused.add(number)
         elif runs.held is not None:
             runs.held_entries[number] = {i: run.mode[i] for i in np.flatnonzero(runs.held[number]).tolist()}
-        ends["transitions"], lane, width = 0, ffi.new("struct lane *"), self.points.width
+        ends["transitions"], slot, width = 0, ffi.new("struct slot *"), self.points.width
         pending = np.zeros((self.points.surface_count, width))
-        lane.point, lane.pending = number, doubles(pending)
+        slot.point, slot.pending = number, doubles(pending)
         kept = [np.empty((0, width))]
         for block in run.stream():
             room, records = np.empty((len(block) + len(pending), width)), np.ascontiguousarray(block.recorded)
-            lane.kept, lane.filled = doubles(room), 0
-            kernel.keep_transitions(lane, self.points, doubles(records), len(records))
-            kept.append(room[: lane.filled])
+            slot.kept, slot.filled = doubles(room), 0
+            kernel.keep_transitions(slot, self.points, doubles(records), len(records))
+            kept.append(room[: slot.filled])
             ends["transitions"] += len(block)
         end = run.ended
         assert end is not None

@@ -70,13 +70,13 @@ enum return_code {
     BEFORE_STEP = 22
 };
 
-/* What a lane does when the runs of many points return: no point is left; its buffer may be too small for the next
+/* What a slot does when the runs of many points return: no point is left; its buffer may be too small for the next
  * transitions; a point was set aside, perhaps for a mode that Python can compile; it runs a point, or takes its next
- * step together with other lanes (Python can check for interrupts). */
-enum lane_code { DONE, BUFFER_FULL, ASIDE, RUNNING, WAITING };
+ * step together with other slots (Python can check for interrupts). */
+enum slot_code { DONE, BUFFER_FULL, ASIDE, RUNNING, WAITING };
 
-/* How a run computes the coefficients of its next step: by itself, as those of all steps; together with other runs; once
- * by itself; not at all, since it has been done together with other runs. */
+/* How a run computes the coefficients of its next step: by itself, as those of all steps; together with other runs;
+ * once by itself; not at all, since it has been done together with other runs. */
 enum stepping { ALONE, TOGETHER, ONCE_ALONE, FROM_LANES };
 
 enum {
@@ -87,7 +87,7 @@ enum {
     DEPTH = 64,            /* pieces that root isolation keeps at once: one per halving that a double can resolve */
     ALIGNMENT = 8,         /* doubles in a line of the processor's cache; the parts of a block begin with a line */
     LANES = 4,             /* doubles in a vector; rows of coefficients are whole vectors, padded with zeros */
-    MOST_LANES = 16,       /* runs that are in progress at once; more than LANES, so that many are in the same mode */
+    SLOTS = 16,            /* runs that are in progress at once; more than LANES, so that many are in the same mode */
     MOST_SURFACES = 39,    /* largest number for which the number of a mode fits an integer, 3^39 < 2^63 */
     MOST_IN_GROUP = 64,    /* largest number of contacts decided together */
     ENTRIES_IN_WORD = 32,  /* entries of a mode of contacts in a word, two bits each */
@@ -244,8 +244,9 @@ HENON_EXPORT int64_t words_of(int64_t contacts);
 
 HENON_EXPORT int64_t advance(struct run *run, const struct tables *tables, double *samples, int64_t count);
 HENON_EXPORT int64_t whole_run(struct run *run, const struct run *start, const struct tables *tables);
-HENON_EXPORT int64_t run_points(struct lane *lanes, int64_t count, struct points *points, const struct tables *tables);
-HENON_EXPORT void keep_transitions(struct lane *lane, const struct points *points, const double *records, int64_t count);
+HENON_EXPORT int64_t run_points(struct slot *slots, int64_t count, struct points *points, const struct tables *tables);
+HENON_EXPORT void keep_transitions(struct slot *slot, const struct points *points, const double *records,
+                                   int64_t count);
 HENON_EXPORT int64_t start_run(struct run *run, const double *template, const struct tables *tables,
                                const struct program *program, int64_t surfaces, const char *numbers, double *room);
 HENON_EXPORT int64_t enter_at_start(struct run *run, const struct tables *tables, const int64_t *mode, int64_t surface);

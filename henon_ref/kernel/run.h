@@ -116,14 +116,14 @@ struct points {
     int64_t open_sticks;     /* whether sticks that are open at "after" are kept, with their begin */
     int64_t steps;           /* steps after which the call returns for Python to check for interrupts */
     int64_t stop_aside;      /* whether the call returns when a point is set aside */
-    int64_t width;           /* of a row of "kept" and "pending" in struct lane */
+    int64_t width;           /* of a row of "kept" and "pending" in struct slot */
     int64_t surface_count;
 };
 
 /* One of the runs in progress, which takes one point after another. */
-struct lane {
+struct slot {
     double *block;             /* of the run, unchanged between calls until all points are done */
-    int64_t code;              /* enum lane_code */
+    int64_t code;              /* enum slot_code */
     int64_t point, running;    /* present point, and whether its run is in progress */
     double *kept;              /* (capacity, width): number of the point, an integer, then a struct transition */
     int64_t capacity;

@@ -1,5 +1,5 @@
-/* Terms of a Taylor polynomial on a step: whether the last ones decrease as those of a converged series do, and how many
- * digits are lost where terms cancel. */
+/* Terms of a Taylor polynomial on a step: whether the last ones decrease as those of a converged series do, and how
+ * many digits are lost where terms cancel. */
 
 /* Factor of one shortening while terms grow; also the largest ratio of the last two terms of a step without a check. */
 #define SHORTER 0.7

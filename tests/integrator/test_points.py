@@ -36,7 +36,7 @@ TOLERANCE = 1e-10
 def together(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
     """Every test is done in one lane and in many."""
     found: bool = request.param == "steps taken together"
-    monkeypatch.setattr(points, "ALONE", 0 if found else 10**9)
+    monkeypatch.setattr(points, "STEPS_ALONE", 0 if found else 10**9)
     return found
 
 
@@ -114,7 +114,7 @@ def test_every_point_has_the_bits_of_its_run_alone(
     monkeypatch.setattr(points, "AT_ONCE", 5)
     monkeypatch.setattr(points, "BUFFER", points.CHUNK + 10)
     monkeypatch.setattr(points, "MEMORY", 3 * first.programs.loop().bytes_a_point)
-    monkeypatch.setattr(points, "ALONE", first.steps_of_points + 50)  # the first runs are in progress
+    monkeypatch.setattr(points, "STEPS_ALONE", first.steps_of_points + 50)  # the first runs are in progress
     again = PointRuns(first, values, initial, start=start, until=start + until, tolerance=TOLERANCE, keep=Keep())
     parts = list(again)
     for point in range(len(initial)):

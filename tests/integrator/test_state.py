@@ -22,7 +22,7 @@ def test_one_library_serves_every_size() -> None:
         assert (found.status, len(found.end_state)) == ("ok", n)
 
 
-@pytest.mark.parametrize("name", ["run", "mode", "guard", "transition", "step", "lane", "end"])
+@pytest.mark.parametrize("name", ["run", "mode", "guard", "transition", "step", "slot", "end"])
 def test_numpy_sees_a_record_as_c_does(name: str) -> None:
     """Each field has the place and the bytes that the compiler gives it."""
     record = record_dtype(name)
