@@ -3,9 +3,9 @@
  * A point is set aside, by its number, if double precision cannot decide it, if it needs a mode that is not compiled,
  * or if its run ends before the horizon: Python finishes it (henon_ref/integrator/points.py).
  *
- * Several runs are in progress at once, in slots. Their expansions are about half of the work. LANES of them are computed at
- * once, in the lanes of vectors, if the runs have the same code; the run then takes its step as it would alone, so that
- * all bits are those of the run alone.
+ * Several runs are in progress at once, in slots. Their expansions are about half of the work. LANES of them are
+ * computed at once, in the lanes of vectors, if the runs have the same code; the run then takes its step as it would
+ * alone, so that all bits are those of the run alone.
  */
 
 /* Place of the transition in a row of the buffer, in doubles: after the number of the point. */
