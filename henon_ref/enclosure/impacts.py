@@ -81,7 +81,10 @@ class ProvenMaps:
         resets, groups, names = system.resets, acting_groups(system), system.sign_names
         if len(self.applied) >= MAX_MAPS:
             which = listed([names[i] for i in sorted(set(self.applied))])
-            raise EndedError(f"more than {MAX_MAPS} maps at one instant: resets of {which}", "none")
+            reason = f"more than {MAX_MAPS} maps at one instant: resets of {which}"
+            if all((impact := impact_of(system, i)) and not impact.refusal for i in self.applied):
+                raise UndecidedError(reason, "mode")  # impacts of bodies may have a limit
+            raise EndedError(reason, "none")
         lowest = min(resets[i].priority for i in self.due)
         first, *others = sorted(i for i in self.due if resets[i].priority == lowest)
         if tied := [i for i in others if groups[i] == groups[first]]:

@@ -11,11 +11,11 @@ from typing import Any
 
 from henon_ref.errors import ModelError
 from henon_ref.modes.callables import ARITHMETIC
-from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers
+from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers, acting_groups
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resets import Impact, impact_of, time_to_rest, turning_in_flight
+from henon_ref.modes.resets import Impact, impact_of, never_pressed, time_to_rest, turning_in_flight
 from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
@@ -124,7 +124,7 @@ class _Rule:
     def _followed(self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]) -> AfterJump:
         assert decision.mode is not None
         system, mode, after, sides = self.system, decision.mode, self.state, self.sides
-        terms = self._terms(mode)
+        terms, light = self._terms(mode), never_pressed(system)
         times: dict[int, Any] = {}
         for guard, own in terms:
             i = guard.index
@@ -135,10 +135,14 @@ class _Rule:
             time = time_to_rest(rate.before, rate.now, 2 * own[2], most, falling)
             if time is not None:
                 times[i] = time
-            elif rate.sign == 0:  # zero speed and no acceleration towards the surface: h'' and higher decide
+            elif (
+                rate.sign == 0 and i not in light
+            ):  # no speed or acceleration towards the surface: h'' and higher decide
                 sides[i] = 0
-        for i, rate in self.rates.items():
-            if rate.sign == 0 and len(system.together(i, on)) > 1:  # contacts may come to rest with the body
+        still = [i for i, rate in self.rates.items() if rate.sign == 0 and i not in light]
+        groups = acting_groups(system)
+        for i in still:  # contacts, or bodies on other stops, may come to rest with the body
+            if len(system.together(i, on)) > 1 or [groups[j] for j in still].count(groups[i]) > 1:
                 sides[i] = 0
         if 0 in (sides[i] for i in self.rates):
             decision = self._decided(after, sides, valid)
@@ -150,7 +154,8 @@ class _Rule:
             rest = Rest(now, self._at_rest(stays, after, stuck, now), stuck)
             return AfterJump(Decision("unique", mode), after, on=on, rest=rest)
         if not times:
-            return AfterJump(decision, after, on=on)
+            quiet = tuple(i for i, rate in self.rates.items() if rate.sign == 0)
+            return AfterJump(decision, after, on=on, still=quiet)
         at_rest = self._mode_at_rest(times, mode, after, sides, valid)
         stuck = at_rest.mode or mode
         if why := self._refusal(times, mode, at_rest, terms):

@@ -6,6 +6,12 @@ the state stays, the rate h' decides: an impact becomes due if a map turns the r
 map turns it outward. A surface that has fired becomes due again only after a map has raised it, or its rate, above
 zero.
 
+Impacts at one instant may go on without end: without restitution, a body that falls on one at rest on the ground is
+stopped in infinitely many impacts, after each of which it has the same part of its speed. The maps act on the rates in
+proportion. So if all rates return, at the same surface, multiplied by one number below 1, the impacts never end, and
+their limit follows: the forces of these surfaces have made their rates zero. Of these impacts the first of each surface
+is kept.
+
 Of several surfaces due, the one with the lowest priority is first. If several share this priority and act on each
 other, all orders are followed; if they lead to different states, the future is not unique.
 """
@@ -31,6 +37,10 @@ MAX_MAPS = 1000
 """Largest number of maps at one instant."""
 SHRUNK = 2.0**-10
 """Part of the size of its terms below which a speed that impacts have reduced cannot be distinguished from zero."""
+PROPORTIONAL = 2.0**-30
+"""Difference, relative to the largest, up to which rates are proportional."""
+PERIOD = 64
+"""Largest number of maps after which rates are compared."""
 
 
 class Numbers(Protocol):
@@ -81,6 +91,9 @@ class Instant:
     applied: tuple[tuple[int, Sequence[Any]], ...] = ()
     """Surfaces whose maps were applied, in order, each with the state after its map."""
 
+    limit: bool = False
+    """Whether this is the limit of impacts without end."""
+
     @property
     def fired(self) -> set[int]:
         return {i for i, _ in self.applied}
@@ -104,6 +117,8 @@ class Cascade:
         first = self._followed(Instant(x, sides, frozenset(due), [abs(v) for v in x]))
         if isinstance(first, Decision):
             return first
+        if first[-1].limit:
+            return first[-1]
         known, alternatives = list(first), self._alternatives(first)
         while alternatives:
             made = self._followed(alternatives.pop(), known)
@@ -115,24 +130,100 @@ class Cascade:
             alternatives += self._alternatives(made)
         return first[-1]
 
-    def _followed(self, start: Instant, known: Sequence[Instant] = ()) -> list[Instant] | Decision:
-        """Return the instants from ``start``, with the first possible map each time, until none is due or known."""
+    def _followed(self, start: Instant, known: Sequence[Instant] = (), *, turns: int = 0) -> list[Instant] | Decision:
+        """Return the instants from ``start``, with one possible map each time, until none is due or known.
+
+        ``turns``: 0 for the first possible map, 1 or -1 for the one applied least recently; of those never applied, 1
+        stands for the first, -1 for the last.
+        """
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
+            bodies = self._bodies(made[-1])
+            if bodies and not turns and (self._endless or len(made) > PERIOD or self._recurs(made)):
+                return self._in_turn(start)
+            if bodies and (self._endless or self._recurs(made)):
+                made.append(self._limit(made[-1]))
+                break
             if self._endless or self._count >= MAX_MAPS:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
                 when = self._numbers.at(self._t, made[-1].state).when
                 reason = f"more than {MAX_MAPS} maps at one instant, t = {when}: resets of {names}"
                 return Decision("none", None, reason)
-            made.append(self._after(made[-1], self._next(made[-1])[0]))
+            made.append(self._after(made[-1], self._next(made[-1], turns)[0]))
         return made
 
-    def _next(self, now: Instant) -> list[int]:
+    def _in_turn(self, start: Instant) -> list[Instant] | Decision:
+        """Return the instants of impacts that may have no end, with the maps in turn, so that none stays due for ever.
+
+        All such orders have the same limit; two are compared.
+        """
+        found: list[list[Instant]] = []
+        for turns in (1, -1):
+            self._count, self._endless = 0, False
+            made = self._followed(start, turns=turns)
+            if isinstance(made, Decision):
+                return made
+            found.append(made)
+        self._endless = False
+        one, other = found
+        return one if self._alike(one[-1], other[-1]) else self._not_unique(one, other[-1])
+
+    def _bodies(self, now: Instant) -> bool:
+        """Return whether all surfaces that have fired or are due are impacts of bodies, with the state on them."""
+        impacts = {i: impact_of(self._system, i) for i in now.fired | now.due}
+        return all(impact and not impact.refusal and i in now.rates for i, impact in impacts.items())
+
+    @staticmethod
+    def _recurs(made: Sequence[Instant]) -> bool:
+        """Return whether the rates after the last map are proportional to those after an earlier one, and smaller.
+
+        All surfaces that are due have been applied between.
+        """
+        *earlier, now = made[-1 - PERIOD :]
+        for before in earlier:
+            if (before.due, before.sides, before.rates.keys()) != (now.due, now.sides, now.rates.keys()):
+                continue
+            if not now.due <= {i for i, _ in now.applied[len(before.applied) :]}:
+                continue
+            pairs = [(float(rate.now), float(now.rates[i].now)) for i, rate in before.rates.items()]
+            most, then = max(pairs, key=lambda pair: abs(pair[0]))
+            off = max(abs(b * most - a * then) for a, b in pairs)
+            if 0 < then / most < 1 - PROPORTIONAL and off <= PROPORTIONAL * abs(most * then):
+                return True
+        return False
+
+    def _limit(self, now: Instant) -> Instant:
+        """Return the limit of impacts without end: forces of their surfaces have made the rates zero."""
+        found = [(i, impact) for i in sorted(now.fired) if (impact := impact_of(self._system, i))]
+        states, x = self._system.states, list(now.state)
+        slopes = [gradient(self._speed(impact), states) for _, impact in found]
+        own = [self._numbers.values((self._speed(impact), *impact.push), self._t, x) for _, impact in found]
+        steep = [self._numbers.values(each, self._t, x) for each in slopes]
+        matrix = [[sum((a * b for a, b in zip(row, push, strict=True)), 0 * x[0]) for _, *push in own] for row in steep]
+        for force, (_, *push) in zip(solved(matrix, [speed for speed, *_ in own]), own, strict=True):
+            x = [value - force * part for value, part in zip(x, push, strict=True)]
+        fixed = set[int]()
+        for (_, impact), steep_now in zip(
+            found, steep, strict=True
+        ):  # without rounding, or a body would move off again
+            (speed,) = self._numbers.values((self._speed(impact),), self._t, x)
+            free = [k for k, slope in enumerate(steep_now) if self._numbers.sign(slope) and k not in fixed]
+            if free:
+                fixed.add(free[-1])
+                x[free[-1]] -= speed / steep_now[free[-1]]
+        rates = now.rates | {i: Rate(now.rates[i].before, 0 * now.rates[i].now, 0) for i, _ in found}
+        first = tuple(dict(reversed(now.applied)).items())
+        applied = tuple(sorted(first, key=lambda each: now.applied.index(each)))
+        return Instant(x, now.sides, frozenset(), now.sizes, rates, applied, limit=True)
+
+    def _next(self, now: Instant, turns: int = 0) -> list[int]:
         """Return the surfaces that may be next: of the lowest priority, and acting on each other."""
         resets = self._system.resets
         lowest = min(resets[i].priority for i in now.due)
         own = sorted(i for i in now.due if resets[i].priority == lowest)
-        return [i for i in own if self._groups[i] == self._groups[own[0]]]
+        found = [i for i in own if self._groups[i] == self._groups[own[0]]]
+        fired = {i: place for place, (i, _) in enumerate(now.applied)}
+        return sorted(found, key=lambda i: (fired.get(i, -1), turns * i)) if turns else found
 
     def _alternatives(self, instants: Sequence[Instant]) -> list[Instant]:
         return [self._after(now, i) for now in instants if now.due for i in self._next(now)[1:]]
@@ -240,6 +331,25 @@ class Cascade:
             whole = sum((abs(next(values)) * part for part in now.sizes), 0 * after[k])
             sizes[k] = max(sizes[k], whole, key=float)
         return sizes
+
+
+def solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+    """Solve a small linear system by elimination; an unknown on which no equation depends clearly is zero."""
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    found, used = [0 * value for value in right], dict[int, int]()
+    for k in range(len(rows)):
+        free = [i for i in range(len(rows)) if i not in used.values()]
+        pivot = max(free, key=lambda i: abs(float(rows[i][k])))
+        if abs(float(rows[pivot][k])) <= PROPORTIONAL:
+            continue
+        used[k] = pivot
+        for i in range(len(rows)):
+            if i != pivot:
+                factor = rows[i][k] / rows[pivot][k]
+                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[pivot], strict=True)]
+    for k, i in used.items():
+        found[k] = rows[i][-1] / rows[i][k]
+    return found
 
 
 @lru_cache(maxsize=64)

@@ -106,6 +106,8 @@ def _groups(
     for i in sliding:
         own = stuck.get(i, slipping)
         rows[i] = {k for k, rate in enumerate(slipping) if rate.has(system.signs[i]) or rate != own[k]}
+        if system.rests(i):  # its reaction may act although no force presses it alone
+            rows[i] |= {k for k, push in enumerate(system.overrides[i].push) if push != 0}
     plain = [i for i in sorted(sliding) if i not in stuck]
     edges = [(i, j) for i, j in combinations(plain, 2) if rows[i] & rows[j]]
     for i in stuck:

@@ -94,7 +94,7 @@ def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
 
     For fewer surfaces without static friction all modes are tried, since the fields need not be those of friction.
     """
-    return len(active) > 4 or any(map(system.held_inside, active))
+    return len(active) > 4 or any(map(system.held_inside, active)) or sum(map(system.rests, active)) > 1
 
 
 def order_of(system: FilippovSystem, guard: Guard, derivative: int) -> int:

@@ -24,6 +24,7 @@ from functools import lru_cache
 from typing import Any
 
 import sympy as sp
+from sympy.utilities.iterables import connected_components
 
 from henon_ref.expressions.bounds import put
 from henon_ref.modes.equations import Guard, along
@@ -93,8 +94,6 @@ class Impact:
     """h'' without a force of the surface."""
     refusal: str
     """Reason why rest on the surface cannot be derived; if empty, the fields below describe the rest."""
-    idle: bool = False
-    """Whether a state with h = h' = 0 stays on the surface without a force, unless a jump moves it."""
     ratio: sp.Expr = sp.S.Zero
     """h' after the impact over h' before it."""
     push: tuple[sp.Expr, ...] = ()
@@ -117,10 +116,9 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     acceleration = along(speed, system.states, field)
     on = settled_state(surface, system.states)
     fast = speed.xreplace(on)
-    idle = sp.expand(acceleration.xreplace(on).xreplace(settled_state(fast, system.states))) == 0
     if speed.has(*system.signs):
         names = listed([s.name for s in system.signs if speed.has(s)])
-        return Impact(speed, acceleration, f"the speed of the impact depends on the sign of {names}", idle)
+        return Impact(speed, acceleration, f"the speed of the impact depends on the sign of {names}")
     moving = set(system.states)
     changes = {k: (jump.states[k] - system.states[k]).xreplace(on) for k in jump.moved}
     shares = {k: sp.Integer(0) if fast == 0 else sp.cancel(change / fast) for k, change in changes.items()}
@@ -128,10 +126,32 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     bad = [system.states[k].name for k, share in shares.items() if sp.fraction(share)[1].free_symbols & moving]
     if bad or slope == 0 or slope.free_symbols & moving:
         what = f"{listed(bad)} does not change" if bad else "the state does not change"
-        return Impact(speed, acceleration, f"{what} in proportion to the speed of the impact", idle)
+        return Impact(speed, acceleration, f"{what} in proportion to the speed of the impact")
     push = tuple(sp.cancel(shares[k] / slope) if k in shares else sp.Integer(0) for k in range(len(system.states)))
     held = tuple(sp.expand(f - acceleration * p) if p != 0 else f for f, p in zip(field, push, strict=True))
-    return Impact(speed, acceleration, "", idle, sp.expand(1 + slope), push, held)
+    return Impact(speed, acceleration, "", sp.expand(1 + slope), push, held)
+
+
+@lru_cache(maxsize=64)
+def never_pressed(system: FilippovSystem) -> frozenset[int]:
+    """Return the surfaces on which a state with h = h' = 0 stays without a force, unless a jump moves it.
+
+    h'' is zero there, and in its whole group: a body at rest on one stop is pressed if a body rests on it.
+    """
+    impacts = {i: impact for i in system.resets if (impact := impact_of(system, i))}
+    moved = {i: {system.states[k] for k in jump_of(system, i).moved} for i in impacts}
+    edges = [(i, j) for i, impact in impacts.items() for j in impacts if impact.speed.free_symbols & moved[j]]
+    groups = connected_components((list(impacts), edges))
+    return frozenset(i for group in groups if not any(_pressed(system, j) for j in group) for i in group)
+
+
+def _pressed(system: FilippovSystem, index: int) -> bool:
+    """Return whether h'' is not zero for all states with h = h' = 0."""
+    impact = impact_of(system, index)
+    assert impact is not None
+    on = settled_state(system.surfaces[index], system.states)
+    slow = settled_state(impact.speed.xreplace(on), system.states)
+    return bool(sp.expand(impact.acceleration.xreplace(on).xreplace(slow)) != 0)
 
 
 def into_surface(name: str, time: str) -> str:
@@ -162,7 +182,7 @@ def with_resting(system: FilippovSystem) -> FilippovSystem:
     own = {
         i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting", push=impact.push)
         for i in system.resets
-        if (impact := impact_of(system, i)) is not None and not (impact.refusal or impact.idle)
+        if (impact := impact_of(system, i)) is not None and not impact.refusal and i not in never_pressed(system)
     }
     return replace(system, overrides={**system.overrides, **own}) if own else system
 

@@ -26,7 +26,7 @@ from henon_ref.modes.latex import (
     symbol,
 )
 from henon_ref.modes.mode import Mode, mode_text
-from henon_ref.modes.resets import REMAINING, impact_of
+from henon_ref.modes.resets import REMAINING, impact_of, never_pressed
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.system.assembly import Scene
 from henon_ref.taylor.llvm.expansion import expansion_ir
@@ -89,7 +89,7 @@ def reset_notes(system: FilippovSystem) -> list[str]:
         note = f"`{system.sign_names[index]}`: when it falls through zero, the state jumps: {lines}"
         impact, part = impact_of(system, index), f"2^{log2(REMAINING):.0f}"
         note += f" (priority {reset.priority:g})" if reset.priority else ""
-        if impact is not None and not impact.idle:
+        if impact is not None and index not in never_pressed(system):
             note += f"; impacts are reported until all later ones last less than {part} of the run, then "
             note += f"the run ends: {impact.refusal}" if impact.refusal else "the body rests"
         notes.append(note)
