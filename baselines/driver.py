@@ -147,8 +147,8 @@ class Driver:
                 record.drift = after.drift
             record.event(t, low, after.x, mode, after.mode, after.touched, after.applied)
             mode, x, applied = after.mode, after.x, after.applied
-            if after.rest is not None:
-                bouncing, (mode, t, x), low = mode, after.rest, 0.0
+            for rest in after.rests:
+                bouncing, (mode, t, x), low = mode, rest, 0.0
                 if t > until:
                     return record.finish("ok", until, x, mode)
                 record.event(t, low, x, bouncing, mode, ())

@@ -46,8 +46,8 @@ class After(NamedTuple):
     reason: str = ""
     applied: tuple[tuple[int, Sequence[float]], ...] = ()
     """Surfaces that reset the state, in order, each with the state after its reset; ``x`` is the last of these."""
-    rest: tuple[Mode, float, tuple[float, ...]] | None = None
-    """Mode, time [s] and state at which a body comes to rest after the last of accumulating impacts."""
+    rests: tuple[tuple[Mode, float, tuple[float, ...]], ...] = ()
+    """Mode, time [s] and state at which bodies come to rest after accumulating impacts, in order of time."""
 
 
 Key = tuple[Mode, frozenset[int]]
@@ -229,11 +229,11 @@ class ModeTable:
         decision, state, applied = after.decision, tuple(after.state), after.applied
         if decision.mode is None:
             return After(None, state, (), drift, (), decision.ending, decision.reason)
-        if after.rest is not None:
-            rest = after.rest.mode, t + after.rest.remaining, tuple(after.rest.state)
-            left = any(after.rest.mode[i] for i in after.on)  # another body may still fly after this body's rest
-            fresh = self.fresh_at(self[rest[0]], *rest[1:], after.on) if left else ()
-            return After(decision.mode, state, fresh, drift, applied=applied, rest=rest)
+        if after.rests:
+            rests = tuple((rest.mode, t + rest.remaining, tuple(rest.state)) for rest in after.rests)
+            left = any(rests[-1][0][i] for i in after.on)  # another body may still fly after the last rest
+            fresh = self.fresh_at(self[rests[-1][0]], *rests[-1][1:], after.on) if left else ()
+            return After(decision.mode, state, fresh, drift, applied=applied, rests=rests)
         fresh = self.fresh_at(self[decision.mode], t, state, after.on)
         fresh = self._without_rate(decision.mode, fresh, after.still)
         return After(decision.mode, state, fresh, drift, applied=applied)

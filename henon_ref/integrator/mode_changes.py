@@ -187,25 +187,26 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
     with working_precision(BITS):
         t, before = run.exact_time, run.exact_state
         found = after_jump(precise.system, precise, run.mode, surfaces, hits, t, before, arb(most))
-        after, rest = [split(x) for x in found.state], found.rest
+        after = [split(x) for x in found.state]
         applied = [(i, [float(x.mid()) for x in left]) for i, left in found.applied]
-        end, resting = ((0.0, 0.0), []) if rest is None else (split(t + rest.remaining), [split(x) for x in rest.state])
+        rests = [(split(t + rest.remaining), [split(x) for x in rest.state], rest.mode) for rest in found.rests]
     run.before_jump[:] = run.x
     run.scalars.more_digits = 0
-    time = run.now
-    run.put(time, after)
+    run.put(run.now, after)
     if not all(abs(high) < LEVELS.blown_up for high, _ in after):
         return ending_of(run, kernel.DIVERGED)
     ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on), (), applied)
-    if ended is not None or rest is None:
-        return ended
-    length = (end[0] - time[0]) + (end[1] - time[1])
-    run.keep_line(length, [high for high, _ in resting])
-    if run.left(end) < 0.0:
-        run.put(run.until, resting)
-        return None
-    run.put(end, resting)
-    return change_mode(run, Decision("unique", rest.mode), _zeros_on(run, rest.mode, found.on), ())
+    for end, resting, mode in rests:
+        if ended is not None:
+            break
+        length = (end[0] - run.now[0]) + (end[1] - run.now[1])
+        run.keep_line(length, [high for high, _ in resting])
+        if run.left(end) < 0.0:
+            run.put(run.until, resting)
+            return None
+        run.put(end, resting)
+        ended = change_mode(run, Decision("unique", mode), _zeros_on(run, mode, found.on), ())
+    return ended
 
 
 def _zeros_on(run: State, mode: Mode | None, on: Sequence[int]) -> Sequence[int]:

@@ -178,6 +178,9 @@ static bool lands(const struct work *w, struct jump *jump)
     return true;
 }
 
+/* Largest change of the rate of another stop, as a multiple of that of the surface, when the body has come to rest. */
+#define OTHER_STOP 16.0
+
 /* Check whether no guard of the expanded mode, except that of the surface, reaches zero during the last flights. */
 static bool undisturbed(const struct work *w, const struct jump *jump)
 {
@@ -186,8 +189,9 @@ static bool undisturbed(const struct work *w, const struct jump *jump)
     bool found = true;
     for (int64_t g = 0; g < mode->guards; g++) {
         const double *row = row_ahead(w, w->run->states + g);
+        double rate = fabs(row[1]) + (mode->guard[g].coupled == RESETTING ? OTHER_STOP * jump->rise : 0.0);
         found = found && (is_on(&mode->guard[g], jump->surface)
-                          || fabs(row[0]) > fabs(row[1]) * time + fabs(row[2]) * time * time);
+                          || fabs(row[0]) > rate * time + fabs(row[2]) * time * time);
     }
     return found;
 }

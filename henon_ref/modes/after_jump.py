@@ -5,8 +5,9 @@ The rules are written once for all arithmetics: doubles, or balls of some precis
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from henon_ref.errors import ModelError
@@ -14,6 +15,7 @@ from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers, acting_groups
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
+from henon_ref.modes.inelastic_collapse import Flight, collapse, moved
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, impact_of, never_pressed, time_to_rest, turning_in_flight
 from henon_ref.modes.selection import mode_by_signs
@@ -21,6 +23,7 @@ from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
 SEVERAL_RESETS = "several surfaces reset the state at once"
+CLOSE = "another event is as close"
 Terms = Sequence[tuple[Guard, Sequence[Any]]]
 """Guards of a mode, each with its Taylor coefficients in time."""
 
@@ -42,8 +45,8 @@ class AfterJump:
     """Surfaces that reset the state, in order, each with the state after its map."""
     on: tuple[int, ...] = ()
     """Surfaces on which the state is."""
-    rest: Rest | None = None
-    """Rest after accumulating impacts."""
+    rests: tuple[Rest, ...] = ()
+    """Rests after accumulating impacts: a body may come to rest at once, and others later."""
     still: tuple[int, ...] = ()
     """Surfaces at which the impact has left zero speed and that only the acceleration makes the state leave."""
 
@@ -98,7 +101,8 @@ class _Rule:
         self.rates = {i: rate for i, rate in end.rates.items() if rate.sign or i in end.fired or mode[i] != 0}
         self.impacts = {i: impact for i in self.rates if (impact := impact_of(system, i)) is not None}
 
-    def after(self, most: Any) -> AfterJump:
+    def after(self, most: Any, *, together: bool = True) -> AfterJump:
+        """Return the continuation; ``together``: with the rest of several bodies whose impacts accumulate."""
         system, numbers, t, after, sides = self.system, self.numbers, self.t, self.state, self.sides
         try:
             valid = [numbers.sign(value) for value in numbers.values(system.valid, t, after)]
@@ -111,9 +115,12 @@ class _Rule:
         if decision.mode is None or not self.rates:
             return AfterJump(decision, after, on=on)
         try:
-            found = self._followed(decision, on, most, valid)
-            beside = self._accumulating(found.rest.mode, most) if self.several and found.rest else []
-            return self._no_rest(beside[:1], SEVERAL_RESETS) if beside else found
+            found, why = self._followed(decision, on, most, valid)
+            if not why and self.several and found.rests and self._accumulating(found.rests[0].mode, most):
+                why = SEVERAL_RESETS
+            if why in (SEVERAL_RESETS, CLOSE):
+                return self._collapsed(found, most) if together else found
+            return self._no_rest(self.impacts, why) if why else found
         except ARITHMETIC:
             return AfterJump(_refused(f"a derivative after t = {numbers.at(t, after).when} is not finite"), after)
 
@@ -121,7 +128,10 @@ class _Rule:
         """Decide the mode at a state at which surfaces and ``valid`` expressions have these signs."""
         return mode_by_signs(self.numbers.at(self.t, x), sides, valid, where="after the reset")
 
-    def _followed(self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]) -> AfterJump:
+    def _followed(
+        self, decision: Decision, on: tuple[int, ...], most: Any, valid: Sequence[int]
+    ) -> tuple[AfterJump, str]:
+        """Return the continuation, and why a rest after accumulating impacts cannot be derived (empty if it can)."""
         assert decision.mode is not None
         system, mode, after, sides = self.system, decision.mode, self.state, self.sides
         terms, light = self._terms(mode), never_pressed(system)
@@ -135,9 +145,7 @@ class _Rule:
             time = time_to_rest(rate.before, rate.now, 2 * own[2], most, falling)
             if time is not None:
                 times[i] = time
-            elif (
-                rate.sign == 0 and i not in light
-            ):  # no speed or acceleration towards the surface: h'' and higher decide
+            elif rate.sign == 0 and i not in light:  # without speed and acceleration: higher derivatives decide
                 sides[i] = 0
         still = [i for i, rate in self.rates.items() if rate.sign == 0 and i not in light]
         groups = acting_groups(system)
@@ -149,21 +157,75 @@ class _Rule:
             stuck = decision.mode
             stays = tuple(i for i in self.rates if stuck is not None and stuck[i] == 0)
             if stuck is None or not stays:
-                return AfterJump(decision, after, on=on, still=tuple(i for i in self.rates if sides[i] == 0))
+                return AfterJump(decision, after, on=on, still=tuple(i for i in self.rates if sides[i] == 0)), ""
             now = 0 * self.t
             rest = Rest(now, self._at_rest(stays, after, stuck, now), stuck)
-            return AfterJump(Decision("unique", mode), after, on=on, rest=rest)
+            return AfterJump(Decision("unique", mode), after, on=on, rests=(rest,)), ""
         if not times:
             quiet = tuple(i for i, rate in self.rates.items() if rate.sign == 0)
-            return AfterJump(decision, after, on=on, still=quiet)
+            return AfterJump(decision, after, on=on, still=quiet), ""
         at_rest = self._mode_at_rest(times, mode, after, sides, valid)
         stuck = at_rest.mode or mode
         if why := self._refusal(times, mode, at_rest, terms):
-            return self._no_rest(times, why)
+            return AfterJump(decision, after, on=on), why
         time = next(iter(times.values()))  # several times are all 0
         at_end = self._at_rest(tuple(times), after, stuck, time)
         rest = Rest(time, at_end, self._past_sections(stuck, terms, time, at_end))
-        return AfterJump(decision, after, on=on, rest=rest)
+        return AfterJump(decision, after, on=on, rests=(rest,)), ""
+
+    def _collapsed(self, found: AfterJump, most: Any) -> AfterJump:
+        """Add the rest of several bodies if their impacts end within ``most`` [s]."""
+        system, numbers = self.system, self.numbers
+        first = self._flight(found, ())
+        ended = collapse(system, numbers, first, most, partial(self._impacts, most))
+        if ended is None:
+            return found
+        last, fired = ended
+        limit = Cascade(system, numbers, last.mode, last.time).at_rest(last.state, fired)
+        at_rest = _Rule(system, numbers, last.mode, limit, last.time).after(0 * most, together=False)
+        stuck = at_rest.rests[-1].mode if at_rest.rests else ()
+        if not stuck or any(stuck[i] for i in fired) or self._met(first.mode, first.state, last.time - self.t):
+            return self._no_rest(fired, CLOSE)
+        rest = Rest(last.time - self.t, at_rest.rests[-1].state, stuck)
+        return replace(found, rests=(*found.rests, rest))
+
+    def _impacts(self, most: Any, mode: Mode, t: Any, x: Sequence[Any], hit: Collection[int]) -> Flight | None:
+        """Return the flight after impacts, or after a rest of one body to which they lead."""
+        end = Cascade(self.system, self.numbers, mode, t).end(x, hit, hit)
+        if isinstance(end, Decision):
+            return None
+        rule = _Rule(self.system, self.numbers, mode, end, t)
+        found = rule.after(most, together=False)
+        return None if found.decision.mode is None else rule._flight(found, end.fired)
+
+    def _flight(self, found: AfterJump, fired: Collection[int]) -> Flight:
+        """Return the flight that follows the last impact, or the rest after it."""
+        mode, state, time = found.decision.mode, found.state, self.t
+        if found.rests:
+            mode, state, time = found.rests[-1].mode, found.rests[-1].state, time + found.rests[-1].remaining
+        assert mode is not None
+        return Flight(mode, time, state, found.on, [rate.now for rate in self.rates.values()], fired)
+
+    def _met(self, mode: Mode, x: Sequence[Any], time: Any) -> bool:
+        """Return whether a guard that is no stop may reach zero within a time [s]."""
+        system = self.system
+        for guard, own in zip(system.equations(mode).guards, self.numbers.guard_series(mode, self.t, x), strict=True):
+            value, rate, bend, *_ = own
+            own_stop = guard.index in system.resets and guard.kind in ("surface", "release")
+            passed = own_stop or (guard.kind == "surface" and guard.index in system.observed)
+            if not passed and not abs(value) > abs(rate) * time + abs(bend) * time * time:
+                return True
+        return False
+
+    def _falls(self, mode: Mode, x: Sequence[Any], time: Any) -> bool:
+        """Return whether a body may reach a stop within a time [s]."""
+        system = self.system
+        for guard, own in zip(system.equations(mode).guards, self.numbers.guard_series(mode, self.t, x), strict=True):
+            value, rate, bend, *_ = own
+            least = value + min(rate, 0 * rate) * time + min(bend, 0 * bend) * time * time
+            if guard.kind == "surface" and guard.index in system.resets and not least > 0:
+                return True
+        return False
 
     def _accumulating(self, mode: Mode, most: Any) -> list[int]:
         """Return the surfaces whose impacts accumulate, in addition to those on which bodies rest at once."""
@@ -232,14 +294,22 @@ class _Rule:
             system.equations(at_rest.mode)
         except ModelError as error:
             return str(error)
-        passed = system.observed | set(times) | {j for i in times for j in turning_in_flight(system, i)}
+        passed = (
+            system.observed
+            | system.resets.keys()
+            | set(times)
+            | {j for i in times for j in turning_in_flight(system, i)}
+        )
         for guard, own in terms:
             value, rate, bend, *_ = own
             stays = not any(map(numbers.sign, own))  # rest on a kink, say
             if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
                 time = lasting[0]
                 if not abs(value) > abs(rate) * time + abs(bend) * time * time:
-                    return "another event is as close"
+                    return CLOSE
+        if lasting:
+            still = self._at_rest(tuple(times), self.state, at_rest.mode, 0 * self.t)
+            return CLOSE if self._falls(at_rest.mode, still, lasting[0]) else ""
         return ""
 
     def _past_sections(self, mode: Mode, terms: Terms, time: Any, rest: Sequence[Any]) -> Mode:
@@ -255,13 +325,12 @@ class _Rule:
         return mode
 
     def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:
-        """Return the state at rest, projected onto the surfaces; its error is about the square of ``time``."""
+        """Return the state at rest, projected onto the surfaces; its error is about the cube of ``time``."""
         system, numbers = self.system, self.numbers
         x = list(after)
         for i in surfaces:
             x = without_speed(self.impacts[i], numbers, self.t, x)
-        field = numbers.values(system.equations(stuck).field, self.t, x)
-        x = [value + time * rate for value, rate in zip(x, field, strict=True)]
+        x = moved(numbers, system.equations(stuck).field, self.t, x, time)
         for i in surfaces:
             surface = system.surfaces[i]
             h, *slopes = numbers.values((surface, *gradient(surface, system.states)), self.t + time, x)

@@ -142,7 +142,7 @@ class Cascade:
             if bodies and not turns and (self._endless or len(made) > PERIOD or self._recurs(made)):
                 return self._in_turn(start)
             if bodies and (self._endless or self._recurs(made)):
-                made.append(self._limit(made[-1]))
+                made.append(self._limit(made[-1], made[-1].fired))
                 break
             if self._endless or self._count >= MAX_MAPS:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
@@ -192,9 +192,13 @@ class Cascade:
                 return True
         return False
 
-    def _limit(self, now: Instant) -> Instant:
+    def at_rest(self, x: Sequence[Any], surfaces: Collection[int]) -> Instant:
+        """Return the limit of impacts on surfaces from a state close to it."""
+        return self._limit(Instant(x, self._mode, frozenset(), [abs(v) for v in x]), surfaces)
+
+    def _limit(self, now: Instant, surfaces: Collection[int]) -> Instant:
         """Return the limit of impacts without end: forces of their surfaces have made the rates zero."""
-        found = [(i, impact) for i in sorted(now.fired) if (impact := impact_of(self._system, i))]
+        found = [(i, impact) for i in sorted(surfaces) if (impact := impact_of(self._system, i))]
         states, x = self._system.states, list(now.state)
         slopes = [gradient(self._speed(impact), states) for _, impact in found]
         own = [self._numbers.values((self._speed(impact), *impact.push), self._t, x) for _, impact in found]
@@ -211,10 +215,11 @@ class Cascade:
             if free:
                 fixed.add(free[-1])
                 x[free[-1]] -= speed / steep_now[free[-1]]
-        rates = now.rates | {i: Rate(now.rates[i].before, 0 * now.rates[i].now, 0) for i, _ in found}
+        rates = {**now.rates, **{i: Rate(speed, 0 * speed, 0) for (i, _), (speed, *_) in zip(found, own, strict=True)}}
+        sides = tuple(0 if i in surfaces else side for i, side in enumerate(now.sides))
         first = tuple(dict(reversed(now.applied)).items())
         applied = tuple(sorted(first, key=lambda each: now.applied.index(each)))
-        return Instant(x, now.sides, frozenset(), now.sizes, rates, applied, limit=True)
+        return Instant(x, sides, frozenset(), now.sizes, rates, applied, limit=True)
 
     def _next(self, now: Instant, turns: int = 0) -> list[int]:
         """Return the surfaces that may be next: of the lowest priority, and acting on each other."""

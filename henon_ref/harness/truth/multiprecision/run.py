@@ -29,6 +29,9 @@ from henon_ref.trajectory import Kind, Status
 
 MAX_STEPS = 1_000_000
 """Largest number of Taylor steps; the time limit of a truth ends nearly all runs earlier."""
+SILENT = 2.0**-80
+"""Duration of all later impacts, as a part of the run, below which their limit is used: its error is about the square
+of this. Above it, impacts that the reference replaces by rest (:data:`REMAINING`) are followed, but not recorded."""
 
 Instant = tuple[EnclosedTransition, ...]
 """The transitions at one time, in balls without radius: one for each surface that changes or is touched.
@@ -104,7 +107,7 @@ class _Simulation:
         """Number of leading coefficients of each guard that are zero at the start of the next step."""
         self.termination = Termination(self.span, bits)
         self.approaches = Approaches(self.result.near_grazes)
-        self.accumulating: tuple[int, ...] = ()
+        self.accumulating: frozenset[int] = frozenset()
         """Surfaces whose impacts are near their limit and are no longer recorded."""
 
     def run(self) -> Run:
@@ -256,24 +259,27 @@ class _Simulation:
         if due:
             jumped = self._jump(due, hits)
             resets = tuple(i for i, _ in jumped.applied)
-            after, active, rest = self.mode, frozenset(jumped.on), jumped.rest
+            after, active, rests = self.mode, frozenset(jumped.on), jumped.rests
             places = rows_at(before, after, resets)
             states = [(i, jumped.state if place is None else jumped.applied[place][1]) for i, place in places]
         else:
-            resets, rest = (), None
+            resets, rests = (), ()
             after = self._decided(after_event(point, before, hits, touched=touched))
             active = self.problem.system.closed({g.index for g in hits}, {i for i, s in enumerate(before) if s == 0})
             states = [(i, point.state) for i in sorted(active) if after[i] != before[i]]
-        if self.accumulating and resets != self.accumulating and not self._turns_in_flight(hits):
+        accumulates = bool(resets) and self.accumulating.issuperset(resets)
+        if self.accumulating and not (accumulates or self._turns_in_flight(hits)):
             raise EndedError("failed", f"something happens where impacts accumulate, at t = {self._now()}")
         if not self.accumulating:
             met = [(i, self.point.state) for i in sorted({g.index for g in hits})]
             self._note(before, after, states or met, transversality, resets)
-        if rest is not None:
-            self.accumulating = resets
-            if rest.remaining <= 2.0**-80 * self.span:  # the error of the limit is about the square of it
-                self._come_to_rest(after, rest)
-                return
+        for rest in rests:
+            still = frozenset(i for i, s in enumerate(rest.mode) if s == 0)
+            if rest.remaining > SILENT * self.span:
+                self.accumulating = self.accumulating or still
+                break
+            self._come_to_rest(rest, still)
+            after, active = rest.mode, still
         self._enter(after, active)
 
     def _note(self, before: Mode, after: Mode, states: _States, rate: float = 0.0, resets: Sequence[int] = ()) -> None:
@@ -289,21 +295,26 @@ class _Simulation:
         turning = frozenset().union(*(turning_in_flight(self.problem.system, i) for i in self.accumulating))
         return all(guard.kind == "surface" and guard.index in turning for guard in hits)
 
-    def _come_to_rest(self, before: Mode, rest: Rest) -> None:
-        """Continue at the time at which a body comes to rest on a surface, or at the horizon if that is earlier."""
+    def _come_to_rest(self, rest: Rest, still: frozenset[int]) -> None:
+        """Go to the time at which bodies come to rest on surfaces, or to the horizon if that is earlier.
+
+        While impacts of several bodies accumulate, the rest of some of them is not recorded.
+        """
         time = (self.point.time + rest.remaining).mid()
         late = bool(time > self.until)
-        self.accumulating = ()
         self.point = self.modes.at(self.until if late else time, rest.state)
         self.result.end_time = self.point.time
-        if not late:
-            self._note(before, rest.mode, [(i, rest.state) for i, s in enumerate(rest.mode) if s != before[i]])
-        self._enter(rest.mode, frozenset(i for i, s in enumerate(rest.mode) if s == 0))
+        if self.accumulating <= still:
+            self.accumulating = frozenset()
+            before = self.result.instants[-1][-1].to_mode
+            if not late:
+                self._note(before, rest.mode, [(i, rest.state) for i, s in enumerate(rest.mode) if s != before[i]])
 
     def _jump(self, due: tuple[int, ...], hits: Sequence[Guard]) -> AfterJump:
         """Apply the state jumps, and move to the point and mode after them."""
-        system, time, least = self.problem.system, self.point.time, arb(REMAINING * self.span)
-        after = after_jump(system, self.modes, self.mode, due, hits, time, self.point.state, least)
+        system, time = self.problem.system, self.point.time
+        most = arb((SILENT if self.accumulating else REMAINING) * self.span)
+        after = after_jump(system, self.modes, self.mode, due, hits, time, self.point.state, most)
         self.mode, self.point = self._decided(after.decision), self.modes.at(time, after.state)
         return after
 
