@@ -32,6 +32,8 @@ STICK_SHADE, PLUS_SHADE, MINUS_SHADE = "#F6C48A", "#CFE3F3", "#FFFFFF"
 
 THIN = 1.1
 """Width of an ordinary line [pt]; highlighted solvers have wider lines."""
+FONTS = "DejaVu Sans", "Verdana"
+"""Fonts of all text: of two with nearly the same widths, a reader's machine has one."""
 Dashes = str | tuple[int, tuple[int, ...]]
 """Dash pattern of a line: matplotlib's name, or offset and lengths of dashes and gaps [line widths]."""
 
@@ -158,10 +160,11 @@ def report_style() -> AbstractContextManager[None]:
         "grid.linewidth": 0.6,
         "lines.linewidth": 1.2,
         "lines.markersize": 4.5,
+        "font.sans-serif": list(FONTS),
         "mathtext.fontset": "dejavusans",
         "path.simplify": False,  # keeps transitions as corners, and all samples of an arc
         "svg.hashsalt": "henon-ref",
-        "svg.fonttype": "path",
+        "svg.fonttype": "none",  # text is text: searchable, and a fraction of the bytes of its outlines
     }
     return matplotlib.rc_context(parameters)
 
@@ -181,8 +184,12 @@ def image(figure: Figure, kind: str = "svg") -> bytes:
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
     with report_style():
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
-    content = buffer.getvalue()
-    return with_description(content.decode(), *description_of(figure)).encode() if kind == "svg" else content
+    if kind != "svg":
+        return buffer.getvalue()
+    family = f"font-family: {', '.join(map(repr, FONTS))}, sans-serif"
+    text = re.sub(f"font-family: '{FONTS[0]}'(?=\")", family, buffer.getvalue().decode())  # in formulas
+    text = text.replace("</style>", "text{white-space: pre}</style>", 1)  # SVG joins spaces otherwise
+    return with_description(text, *description_of(figure)).encode()
 
 
 def describe(figure: Figure, title: str, description: str) -> None:
