@@ -173,6 +173,7 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--solvers", ","], "--solvers: the list is empty"),
         (["--require", ""], "--require: the list is empty"),
         (["--tolerances", "1e-3,abc"], "not 'abc'"),
+        (["--tolerances", "1e-9,1e-400"], "--tolerances: a tolerance lies between 1e-16 and 1, not '1e-400'"),
         (["--tolerances", "nan"], "between 1e-16 and 1"),
         (["--repeats", "0"], "repeats"),
         (["--timeout", "soon"], "timeout"),
