@@ -15,6 +15,7 @@ from zlib import crc32
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
@@ -180,9 +181,13 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 def image(figure: Figure, kind: str = "svg") -> bytes:
     """Return a figure as a file (SVG with title and description, PNG or PDF) that is the same in every run."""
+    from matplotlib.patheffects import Normal
+
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
     with report_style():
+        for formula in figure.findobj(_needs_outlines) if kind == "svg" else ():
+            formula.set_path_effects([Normal()])  # which makes outlines of its letters
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
     if kind != "svg":
         return buffer.getvalue()
@@ -190,6 +195,18 @@ def image(figure: Figure, kind: str = "svg") -> bytes:
     text = re.sub(f"font-family: '{FONTS[0]}'(?=\")", family, buffer.getvalue().decode())  # in formulas
     text = text.replace("</style>", "text{white-space: pre}</style>", 1)  # SVG joins spaces otherwise
     return with_description(text, *description_of(figure)).encode()
+
+
+def _needs_outlines(artist: Artist) -> bool:
+    """Check whether a text is a formula with a symbol (a root, a large parenthesis) that few fonts have."""
+    from matplotlib.cbook import is_math_text
+    from matplotlib.mathtext import MathTextParser
+    from matplotlib.text import Text
+
+    if not (isinstance(artist, Text) and artist.get_parse_math() and is_math_text(artist.get_text())):
+        return False
+    parsed = MathTextParser("path").parse(artist.get_text(), 72, artist.get_fontproperties())
+    return any(font.family_name != FONTS[0] for font, *_ in parsed.glyphs)
 
 
 def describe(figure: Figure, title: str, description: str) -> None:

@@ -97,3 +97,15 @@ def test_places_are_rounded_and_scales_are_not() -> None:
     group = b'<g transform="translate(1.23456 7) scale(0.015625 -0.095)">\n<path d="M 0 0 \nL 1.234567 2"/>\n</g>'
     short = b'<g transform="translate(1.23 7) scale(0.015625 -0.095)">\n<path d="M0 0l1.23 2"/>\n</g>'
     assert shortened(group) == short
+
+
+def test_symbols_of_formulas_that_few_fonts_have_are_outlines() -> None:
+    with style.figure(2.0) as figure:
+        axes = figure.add_subplot()
+        axes.set(xlabel=r"$x_1 = \mu/2$ [m]", ylabel=r"$h = \sqrt{3}$")
+    content = svg(figure).decode()
+    texts = re.findall("<(?:tspan|text) [^>]*>([^<\n]*)<", content)
+    assert {"μ", "x"} <= set(texts)
+    assert not {"h", "3"} & set(texts)
+    assert "STIX" not in content
+    assert re.search('<path d="[^"]*q', content)  # letters have curves of order two
