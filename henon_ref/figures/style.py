@@ -191,8 +191,8 @@ def image(figure: Figure, kind: str = "svg") -> bytes:
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
     if kind != "svg":
         return buffer.getvalue()
-    family = f"font-family: {', '.join(map(repr, FONTS))}, sans-serif"
-    text = re.sub(f"font-family: '{FONTS[0]}'(?=\")", family, buffer.getvalue().decode())  # in formulas
+    fonts = ", ".join(map(repr, FONTS)) + ", sans-serif"
+    text = buffer.getvalue().decode().replace(f"'{FONTS[0]}'\"", f'{fonts}"')  # in formulas
     text = text.replace("</style>", "text{white-space: pre}</style>", 1)  # SVG joins spaces otherwise
     return with_description(text, *description_of(figure)).encode()
 
