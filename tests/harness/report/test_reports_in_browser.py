@@ -252,7 +252,7 @@ def test_a_solver_that_ran_on_a_part_stands_below_those_that_get_there_more_ofte
         widths = [float(own) for own in seen.page.locator("#reaches .bar-in").evaluate_all(
             "bars => bars.map((bar) => bar.getAttribute('width'))")]  # fmt: skip
         assert widths == pytest.approx([widths[0], widths[0], *[widths[0] / 2] * 3])
-        assert "all 2 readings with a transition time" in seen.page.locator("#reaches-note").inner_text()
+        assert "Full width: 2 readings with a transition time." in seen.page.locator("#reaches-note").inner_text()
 
 
 def test_every_standing_has_a_colour_and_stands_in_the_key(chromium: Any, tmp_path: Path) -> None:
