@@ -136,21 +136,6 @@ def test_a_file_in_place_of_the_folder_of_a_report_is_named(made_up, tmp_path, c
     assert "made_up is a file; --out requires a folder" in capsys.readouterr().err
 
 
-def test_a_link_without_a_target_in_place_of_the_folder_is_named(made_up, tmp_path, capsys):
-    (tmp_path / "out").symlink_to(tmp_path / "gone")
-    assert run(made_up, "--out", "out") == 2
-    assert capsys.readouterr().err == "error: out is a link without a target; --out requires a folder\n"
-
-
-def test_the_page_of_a_sweep_is_not_replaced(made_up, tmp_path, capsys):
-    page = tmp_path / "out" / "index.html"
-    page.parent.mkdir()
-    page.write_text("<!doctype html>\n<!-- henon_ref sweep: written from the Parquet files beside it -->\n")
-    assert run(made_up, "--out", "out") == 2
-    assert "out/index.html: is the page of a sweep" in capsys.readouterr().err
-    assert list((tmp_path / "out").iterdir()) == [page]
-
-
 @pytest.mark.parametrize(("name", "left"), [("matrix.csv", -20), ("index.html", 2000)])
 def test_a_damaged_matrix_or_page_is_an_error_before_anything_runs(made_up, tmp_path, capsys, name, left):
     """It may be the only copy of the runs of a case."""
