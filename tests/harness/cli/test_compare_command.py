@@ -173,6 +173,7 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--solvers", ","], "--solvers: the list is empty"),
         (["--require", ""], "--require: the list is empty"),
         (["--tolerances", "1e-3,abc"], "not 'abc'"),
+        (["--tolerances", "1e-9,1e-400"], "--tolerances: a tolerance lies between 1e-16 and 1, not '1e-400'"),
         (["--tolerances", "nan"], "between 1e-16 and 1"),
         (["--repeats", "0"], "repeats"),
         (["--timeout", "soon"], "timeout"),
@@ -187,6 +188,7 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--out", "bytes"], "bytes/README.md: was not written by henon_ref"),
         (["--out", "nested"], "nested/README.md: was not written by henon_ref"),
         (["--out", "made_up.yaml"], "is a file"),
+        (["--out", "lost"], "lost is a link without a target; --out requires a folder"),
         (["--bogus"], "--bogus"),
         (["nowhere.yaml"], "nowhere.yaml"),
         (["made_up.yaml", "copy.yaml"], "the name 'made_up' is also that of"),
@@ -201,6 +203,7 @@ def test_a_bad_argument_is_one_message_and_nothing_is_written(made_up, tmp_path,
         (tmp_path / name).mkdir()
         (tmp_path / name / "README.md").write_bytes(content)
     (tmp_path / "nested" / "README.md").mkdir(parents=True)
+    (tmp_path / "lost").symlink_to(tmp_path / "gone")
     before = sorted(tmp_path.rglob("*"))
     assert run(made_up, *arguments) == 2
     captured = capsys.readouterr()
