@@ -266,10 +266,6 @@ def test_a_bound_that_bounds_nothing_is_not_met():
     assert words.endswith("worst time error <= 1e-05 s bounds nothing: the exact run has no transition")
 
 
-def test_a_bound_of_a_solver_that_was_not_asked_for_is_left_out():
-    assert run(Fake()).gate_failures() == []
-
-
 def test_without_a_truth_runs_are_kept_and_not_scored(monkeypatch):
     def contradiction(case, reading):
         raise ValueError("the routes disagree")
