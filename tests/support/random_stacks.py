@@ -14,14 +14,17 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from problems import read_problem
 
+from henon_ref.casefile.case import parse_case
 from henon_ref.integrator.integrator import Integrator, order_for
 from henon_ref.integrator.run import Run
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Trajectory
 
 STACK = """\
+schema: 1
+name: stack
+title: Two blocks on a floor
 scene:
   parameters: {m: 1, Fs: 2, Fk: 1, Gs: 2, Gk: 1, A: 1, u: 1, B: 1, w: 1}
   bodies: {a: {mass: 1}, b: {mass: m}, floor: fixed}
@@ -38,7 +41,7 @@ NUMBER, SEED, SECONDS = 316, 34, 20.0
 
 def stack() -> FilippovSystem:
     """The stack without values of its parameters."""
-    return replace(read_problem(STACK).system, parameters={})
+    return replace(parse_case(STACK).readings[0].problem.system, parameters={})
 
 
 def draws(number: int, seed: int, seconds: float) -> Iterator[tuple[dict[str, float], tuple[float, float], Run]]:
