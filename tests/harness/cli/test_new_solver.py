@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from editable import install
+from programs import RAMP
 
 from henon_ref.harness.cli import new_solver
 from henon_ref.harness.cli.new_solver import command
@@ -143,10 +144,7 @@ def test_a_program_in_another_language_is_named_on_the_command_line(tmp_path, mo
     folder = tmp_path / "my-program"
     assert f"COMMAND = ('{sys.executable}', '{program}')" in (folder / "src/my_program.py").read_text()
     assert "names its program" in (folder / "README.md").read_text()
-    (tmp_path / "ramp.yaml").write_text(
-        'schema: 1\nname: ramp\ntitle: Up\nsystem: {state: [x], surfaces: {s: x}, field: ["1"]}\n'
-        'initial: {t: 0, x: -1}\nuntil: 2\nexact: {transition_times: ["1"]}\ntolerances: [1e-6]\n'
-    )
+    (tmp_path / "ramp.yaml").write_text(RAMP)
     options = ["--solvers", "my-program", "--require", "my-program", "--repeats", "2", "--no-figures"]
     subprocess.run(
         [sys.executable, "-m", "henon_ref.compare", "ramp.yaml", *options],
