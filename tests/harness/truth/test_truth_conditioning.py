@@ -14,7 +14,6 @@ from multiprecision import simulate, transitions
 from problems import make_problem
 
 from henon_ref.harness.truth.conditioning import conditioning
-from henon_ref.harness.truth.reference import ReferenceTransition
 from henon_ref.modes.problem import Problem
 
 
@@ -23,12 +22,8 @@ def _from(problem: Problem, *state: str) -> Problem:
     return replace(problem, initial=tuple(sp.Rational(v) for v in state))
 
 
-def reference(problem: Problem) -> list[ReferenceTransition]:
-    return transitions(problem, 128)
-
-
 def conditioned(problem: Problem) -> list[float]:
-    return conditioning(problem, reference(problem))
+    return conditioning(problem, transitions(problem, 128))
 
 
 def test_a_release_at_a_fixed_time_is_perfectly_conditioned() -> None:
