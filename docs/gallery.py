@@ -12,6 +12,7 @@ from pathlib import Path
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.motion import draw_portrait
 from henon_ref.harness.report.svg import svg
+from henon_ref.harness.table import Table
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
@@ -81,9 +82,8 @@ def _table(case: Case, reading: Reading) -> Iterator[str]:
         yield "\nNo transition happens.\n"
         return
     names = [sign.name for sign in reading.problem.system.signs]
-    yield "\n| time [s] | what | surface |\n| ---: | --- | --- |\n"
-    for event in found[:SHOWN]:
-        yield f"| {event.time:.12f} | {event.kind} | `{names[event.surface]}` |\n"
+    rows = [(f"{event.time:.12f}", event.kind, f"`{names[event.surface]}`") for event in found[:SHOWN]]
+    yield f"\n{Table(('time [s]', 'what', 'surface'), 'rl', rows).markdown}\n"
     if len(found) > SHOWN:
         yield f"\nand {len(found) - SHOWN} more.\n"
 

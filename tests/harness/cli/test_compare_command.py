@@ -54,17 +54,6 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     assert [bool(re.fullmatch(row, line)) for line in captured.err.splitlines()] == [True] * 4
     assert words_of(captured.err) == ""
     assert captured.out.splitlines()[-1] == "out/made_up/report.md; gate met"
-
-
-def test_the_report_begins_with_a_row_a_solver(made_up, tmp_path):
-    run(made_up, "--out", "out")
-    lines = (tmp_path / "out/made_up/report.md").read_text().splitlines()
-    assert lines[0] == "# A made-up system"
-    assert lines[2].startswith("| solver |")
-    assert lines[4].startswith("| `henon` | 6 |")
-    assert lines[4].endswith("| 1e-6 | 2 of 2 |  |")
-    assert lines[5].startswith("| `heyoka` |  |  |  |  | 0 of 2 |")
-    assert lines[5].endswith("| 1 missed, 0 spurious at 1e-3, 1e-6 |")
     assert (tmp_path / "out/README.md").read_text().startswith("# Reports")
 
 
@@ -174,11 +163,8 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--require", ""], "--require: the list is empty"),
         (["--tolerances", "1e-3,abc"], "not 'abc'"),
         (["--tolerances", "1e-9,1e-400"], "--tolerances: a tolerance lies between 1e-16 and 1, not '1e-400'"),
-        (["--tolerances", "nan"], "between 1e-16 and 1"),
         (["--repeats", "0"], "repeats"),
         (["--timeout", "soon"], "timeout"),
-        (["--timeout", "nan"], "timeout"),
-        (["--timeout", "inf"], "timeout"),
         (["--timeout", "2e6"], "timeout"),
         (["--out", ""], "the path is empty"),
         (["--out", " "], "the path is empty"),
