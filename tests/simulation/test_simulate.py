@@ -312,3 +312,15 @@ def test_what_is_missing_is_named(arguments, words) -> None:
 def test_a_masked_value_is_no_initial_value() -> None:
     with pytest.raises(hr.ArgumentError, match=r"'initial' is \[1.0 --\]; wanted a number for each of x, v"):
         hr.simulate(OSCILLATOR, np.ma.array([1.0, 0.0], mask=[False, True]), until=1)
+
+
+def test_a_law_of_exponentials_is_the_same_in_any_unit() -> None:
+    """A belt and a block in metres and in a unit of which a metre is 1e12: the same times."""
+    times = []
+    for unit in ("1", "1e-12"):
+        system = hr.System(["x", "v"], {"u": unit}, {"s": "v - u/5"}, ["v", "-x - s*u*exp(-abs(v - u/5)/(u/2))"])
+        run = hr.simulate(system, {"x": "3*u/2", "v": 0}, until=40, rtol=1e-10)
+        assert run.success
+        times.append(run.transitions["time_s"])
+    assert len(times[0]) == len(times[1]) > 5
+    assert abs(times[0] - times[1]).max() < 1e-12
