@@ -5,10 +5,10 @@ Run ``python docs/catalogue.py`` after a case has been added or changed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from henon_ref.casefile.case import Case, Reading, load_case
+from henon_ref.harness.table import Table
 from henon_ref.text import link, markdown
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -36,18 +36,15 @@ def catalogue() -> str:
     parts = [HEADER]
     for group, heading in GROUPS.items():
         cases = [load_case(path) for path in sorted((CASES / group).glob("*.yaml"))]
-        parts += [f"\n## {heading}\n\n", *_table(cases)]
+        table = Table(("case", "idea", "readings", "answer", "from"), "l", [_row(case) for case in cases])
+        parts.append(f"\n## {heading}\n\n{table.markdown}\n")
     return "".join(parts)
 
 
-def _table(cases: Sequence[Case]) -> Iterable[str]:
-    yield "| case | idea | readings | answer | from |\n|---|---|---|---|---|\n"
-    for case in cases:
-        assert case.path is not None  # read from a file just now
-        link = case.path.relative_to(CASES).as_posix()
-        readings = str(len(case.readings))
-        cells = [f"[{case.name}]({link})", _idea(case), readings, _origins_of_truths(case), _origin(case)]
-        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+def _row(case: Case) -> tuple[str, ...]:
+    assert case.path is not None  # read from a file just now
+    name = f"[{case.name}]({case.path.relative_to(CASES).as_posix()})"
+    return name, _idea(case), str(len(case.readings)), _origins_of_truths(case), _origin(case)
 
 
 def _idea(case: Case) -> str:

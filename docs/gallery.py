@@ -5,18 +5,14 @@ Run ``python docs/gallery.py`` after a scene or its truth has changed.
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib
-from matplotlib.figure import Figure
-
 from henon_ref.casefile.case import Case, Reading, load_case
 from henon_ref.figures.motion import draw_portrait
-from henon_ref.figures.style import description_of, with_description
-from henon_ref.harness.report.svg import shortened
+from henon_ref.harness.report.svg import svg
+from henon_ref.harness.table import Table
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
@@ -86,9 +82,8 @@ def _table(case: Case, reading: Reading) -> Iterator[str]:
         yield "\nNo transition happens.\n"
         return
     names = [sign.name for sign in reading.problem.system.signs]
-    yield "\n| time [s] | what | surface |\n| ---: | --- | --- |\n"
-    for event in found[:SHOWN]:
-        yield f"| {event.time:.12f} | {event.kind} | `{names[event.surface]}` |\n"
+    rows = [(f"{event.time:.12f}", event.kind, f"`{names[event.surface]}`") for event in found[:SHOWN]]
+    yield f"\n{Table(('time [s]', 'what', 'surface'), 'rl', rows).markdown}\n"
     if len(found) > SHOWN:
         yield f"\nand {len(found) - SHOWN} more.\n"
 
@@ -98,7 +93,7 @@ def _text(value: str | None) -> str:
 
 
 def picture(case: Case) -> str:
-    """The phase portrait of a case's first reading as SVG, with letters as text and short numbers."""
+    """The phase portrait of a case's first reading as SVG."""
     reading = case.readings[0]
     system = System.from_case(case.path or "", reading.name)
     run = simulate(system, system.initial, until=system.until, start=system.start, mode=system.mode)
@@ -106,16 +101,7 @@ def picture(case: Case) -> str:
     pair = tuple(names.index(name) for name in PLANES.get(case.name, ()))
     figure = draw_portrait(reading.problem.system, run.motion(POINTS), (pair[0], pair[1]) if pair else None)
     assert figure is not None  # a scene has two states and more
-    return _svg(figure)
-
-
-def _svg(figure: Figure) -> str:
-    buffer = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "henon-ref", "path.simplify": True}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    content = with_description(buffer.getvalue().decode(), *description_of(figure))
-    content = re.sub(r'(?<= d=")[^"]+', lambda path: re.sub(r"(\d+\.\d\d)\d+", r"\1", path[0]), content)
-    return shortened(content.encode()).decode()
+    return svg(figure).decode()
 
 
 def main() -> None:

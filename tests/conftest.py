@@ -17,7 +17,6 @@ import pytest
 from commands import SOLVERS, drawing
 from fakes import CASE, truth
 from often import EVERY_PYTHON
-from problems import make_problem
 
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
@@ -79,12 +78,6 @@ def _own_truths(monkeypatch, tmp_path_factory):
     """Truths that a test computes are found by no other test, nor by the user."""
     folder = tmp_path_factory.getbasetemp() / "truths" / uuid4().hex
     monkeypatch.setattr(store, "user_folder", lambda: folder)
-
-
-@pytest.fixture
-def problem():
-    """The function :func:`make_problem`."""
-    return make_problem
 
 
 @pytest.fixture

@@ -270,17 +270,23 @@ def _degrees(expression: sp.Expr, z: sp.Symbol) -> int:
 
 
 def _is_short(expression: sp.Expr) -> bool:
-    """Check whether SymPy's heuristics end soon: few operations, and no nested functions."""
+    """Check whether SymPy's heuristics end soon: few operations, no nested functions, small numbers in exponents.
+
+    (To SymPy ``exp(100*z/37)`` is the power 100 of ``exp(z/37)``; its roots of such expressions are not all right.)
+    """
     functions = expression.atoms(sp.Function)
+    powers = [f.args[0] for f in functions if f.func == sp.exp]
     return (
         not is_longer(expression, 100)
         and len(functions) <= 4
         and not any(a.has(sp.Function) for f in functions for a in f.args)
+        and all(max(abs(number.p), 10 * number.q) <= 100 for power in powers for number in power.atoms(sp.Rational))
     )
 
 
 def _too_long(expression: sp.Expr) -> ModelError:
-    return ModelError(f"no closed form of the tangent points of {shortened(str(expression))}: it is too long")
+    reason = "it is too long, or has large numbers in exponents"
+    return ModelError(f"no closed form of the tangent points of {shortened(str(expression))}: {reason}")
 
 
 def _cubic_roots(poly: sp.Poly) -> list[sp.Expr]:

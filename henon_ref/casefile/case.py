@@ -244,7 +244,7 @@ def _reading(
     expected.check_runs(source, form, solvers)
     expected.check_gates(source, form, fixed_step)
     problem = build_problem(source)
-    check_surfaces(source, problem)
+    _check_surfaces(source, problem)
     values = problem.system.parameter_values
     after = source.number(("measure", "after"), values) if "after" in source.keys(("measure",)) else 0
     if after != 0 and exact_sign(problem.until - after) <= 0:
@@ -271,7 +271,7 @@ def _reading(
     )
 
 
-def check_surfaces(source: Source, problem: Problem) -> None:
+def _check_surfaces(source: Source, problem: Problem) -> None:
     """Raise CaseError if a case has no surface."""
     if problem.system.surfaces:
         return

@@ -285,6 +285,10 @@ def symbol(system: FilippovSystem, k: int) -> str:
     return f"${latex(system.states[k])}$"
 
 
+LABEL = 0.04
+"""Distance below which transitions of one kind share a label, since two would overlap, as a fraction of the axes."""
+
+
 def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[str], times: NDArray[np.float64]) -> None:
     """Mark transitions at points, shape (k, 2), on axes whose limits are set."""
     from matplotlib.patheffects import Normal, Stroke
@@ -293,7 +297,7 @@ def mark_transitions(axes: Axes, points: NDArray[np.float64], kinds: Sequence[st
     size = np.abs([np.diff(axes.get_xlim())[0], np.diff(axes.get_ylim())[0]])
     places: list[tuple[str, NDArray[np.float64], list[float]]] = []
     for kind, point, time in zip(kinds, points, times.tolist(), strict=True):
-        near = [own for own in places if own[0] == kind and (np.abs(own[1] - point) <= 0.01 * size).all()]
+        near = [own for own in places if own[0] == kind and (np.abs(own[1] - point) <= LABEL * size).all()]
         if near:
             near[0][2].append(time)
         else:

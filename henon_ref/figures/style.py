@@ -15,6 +15,7 @@ from zlib import crc32
 from henon_ref.text import one_line
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
@@ -32,6 +33,8 @@ STICK_SHADE, PLUS_SHADE, MINUS_SHADE = "#F6C48A", "#CFE3F3", "#FFFFFF"
 
 THIN = 1.1
 """Width of an ordinary line [pt]; highlighted solvers have wider lines."""
+FONTS = "DejaVu Sans", "Verdana"
+"""Fonts of all text: of two with nearly the same widths, a reader's machine has one."""
 Dashes = str | tuple[int, tuple[int, ...]]
 """Dash pattern of a line: matplotlib's name, or offset and lengths of dashes and gaps [line widths]."""
 
@@ -158,10 +161,11 @@ def report_style() -> AbstractContextManager[None]:
         "grid.linewidth": 0.6,
         "lines.linewidth": 1.2,
         "lines.markersize": 4.5,
+        "font.sans-serif": list(FONTS),
         "mathtext.fontset": "dejavusans",
         "path.simplify": False,  # keeps transitions as corners, and all samples of an arc
         "svg.hashsalt": "henon-ref",
-        "svg.fonttype": "path",
+        "svg.fonttype": "none",  # text is text: searchable, and a fraction of the bytes of its outlines
     }
     return matplotlib.rc_context(parameters)
 
@@ -177,12 +181,32 @@ def figure(height: float, *, width: float = WIDTH) -> Iterator[Figure]:
 
 def image(figure: Figure, kind: str = "svg") -> bytes:
     """Return a figure as a file (SVG with title and description, PNG or PDF) that is the same in every run."""
+    from matplotlib.patheffects import Normal
+
     buffer = io.BytesIO()
     metadata = {"Date": None, "Creator": None} if kind == "svg" else None
     with report_style():
+        for formula in figure.findobj(_needs_outlines) if kind == "svg" else ():
+            formula.set_path_effects([Normal()])  # which makes outlines of its letters
         figure.savefig(buffer, format=kind, metadata=metadata, dpi=150)
-    content = buffer.getvalue()
-    return with_description(content.decode(), *description_of(figure)).encode() if kind == "svg" else content
+    if kind != "svg":
+        return buffer.getvalue()
+    fonts = ", ".join(map(repr, FONTS)) + ", sans-serif"
+    text = buffer.getvalue().decode().replace(f"'{FONTS[0]}'\"", f'{fonts}"')  # in formulas
+    text = text.replace("</style>", "text{white-space: pre}</style>", 1)  # SVG joins spaces otherwise
+    return with_description(text, *description_of(figure)).encode()
+
+
+def _needs_outlines(artist: Artist) -> bool:
+    """Check whether a text is a formula with a symbol (a root, a large parenthesis) that few fonts have."""
+    from matplotlib.cbook import is_math_text
+    from matplotlib.mathtext import MathTextParser
+    from matplotlib.text import Text
+
+    if not (isinstance(artist, Text) and artist.get_parse_math() and is_math_text(artist.get_text())):
+        return False
+    parsed = MathTextParser("path").parse(artist.get_text(), 72, artist.get_fontproperties())
+    return any(font.family_name != FONTS[0] for font, *_ in parsed.glyphs)
 
 
 def describe(figure: Figure, title: str, description: str) -> None:

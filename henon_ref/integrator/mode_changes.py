@@ -279,6 +279,10 @@ def select_mode(run: State) -> Ending | None:
     if surfaces := resetting(run.integrator.system, before, hits):
         return jump(run, surfaces, hits)
     at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
+    placed = zip(run.guards, run.hits, run.integrator.mode_table.places(before), strict=False)
+    reached = [place for g, hit, place in placed if hit and g.kind == "surface" and place >= 0]
+    if len(reached) == 1:  # a force that begins at this surface is exactly zero, whatever the error of the time
+        at = at.at_zero_of(before, reached[0])
     decision = after_event(at, before, hits)
     seen = decision.mode is not None and run.integrator.mode_table.knows(decision.mode)
     run.count("mode_selections" if seen else "new_modes")

@@ -96,7 +96,7 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
     """
     key, equations = system.common_equations(mode)
     normals = {i: along(system.surfaces[i], system.states, equations.field) for i in passed}
-    sides = _speeds(system, equations.guards, normals)
+    sides = _speeds(system, equations.guards, tuple(i for i, s in enumerate(mode) if s == 0), normals)
     if key == mode:  # these are its own
         sides = [speed.xreplace(system.entries(mode)) for speed in sides]
         entries: tuple[Entries, ...] = (({}, {}, {}),) * len(mode)
@@ -108,7 +108,8 @@ def common_mode_code(system: FilippovSystem, mode: Mode, order: int, passed: fro
 
 def switched_mode_code(system: FilippovSystem, equations: SwitchedEquations, order: int) -> ModeCode:
     """Compile one code for all modes, whatever surfaces slide."""
-    sides = _speeds(system, equations.guards((1,) * len(system.surfaces)))
+    slid = tuple(i for i in range(len(system.surfaces)) if i not in equations.crossed)
+    sides = _speeds(system, equations.guards((1,) * len(system.surfaces)), slid)
     # Separate names keep each constant dependent on one entry only, even if several signs act together.
     names = {s: sp.Symbol(f"side_{i}", real=True) for i, s in enumerate(system.signs)}
     beside = {s: names[s] for i, s in enumerate(system.signs) if i in equations.crossed}
@@ -177,21 +178,34 @@ def tape_program(tape: Tape) -> NDArray[np.int64] | None:
 
 
 def _speeds(
-    system: FilippovSystem, guards: Sequence[Guard], normals: Mapping[int, sp.Expr] | None = None
+    system: FilippovSystem,
+    guards: Sequence[Guard],
+    sliding: tuple[int, ...],
+    normals: Mapping[int, sp.Expr] | None = None,
 ) -> list[sp.Expr]:
     """Return, for every guard on a surface, the speed towards it on this side and away from it on the other.
 
+    For the last guard that ends a slide, instead: the distance of the state that it determines from the surface.
     ``normals``: normal velocities of some surfaces while other surfaces slide.
     """
     found: list[sp.Expr] = []
+    ends, solved = last_ends(guards), system.put_on(sliding)
     for guard in guards:
-        if guard.kind == "surface":
+        if guard.index in solved and guard is ends.get(guard.index):
+            h, x = system.surfaces[guard.index], system.states[solved[guard.index]]
+            found += [h / system.constant_slope(h, x), sp.Integer(0)]
+        elif guard.kind == "surface":
             sign = system.signs[guard.index]
             normal = (normals or {}).get(guard.index, system.normal_velocity(guard.index))
             found += [-sign * normal, -sign * normal.xreplace({sign: -sign})]
         else:
             found += [sp.Integer(0), sp.Integer(0)]
     return found
+
+
+def last_ends(guards: Sequence[Guard]) -> dict[int, Guard]:
+    """Return the last of the guards that end the slide on each surface."""
+    return {guard.index: guard for guard in guards if guard.kind == "release"}
 
 
 @cache

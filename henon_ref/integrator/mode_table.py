@@ -21,6 +21,7 @@ from henon_ref.integrator.mode_code import (
     bernstein_code,
     common_mode_code,
     jump_code,
+    last_ends,
     normal_velocities,
     switched_mode_code,
 )
@@ -302,7 +303,8 @@ class ModeTable:
         if len(mode) <= kernel.MOST_SURFACES:  # the number fits into a machine integer
             own["number"], own["surfaces"] = mode_number(mode), len(mode)
         own["guards"], own["bernstein"] = len(guards), bernstein_code(self.order).address("bernstein")
-        records["mode_across"] = records["mode_stuck"] = -1
+        records["mode_across"] = records["mode_stuck"] = records["put_on"] = -1
+        ends, solved = last_ends(guards), system.put_on(tuple(sliding))
         records["branches"][: len(code.guards_branch)] = code.guards_branch
         for record, guard in zip(records, guards, strict=False):
             surface = guard.kind == "surface"
@@ -317,6 +319,8 @@ class ModeTable:
             together = system.decided_together(guard, sliding) and guard.index not in passed
             coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
+            if guard is ends.get(guard.index) and mode[guard.index] == 0:
+                record["put_on"] = solved.get(guard.index, -1)
             # Filippov's release is tangent (h = h' = 0), an override's need not be; a lift-off has more zeros.
             if guard.kind == "release":
                 tangent = 0 if guard.index in system.overrides and not system.rests(guard.index) else 2

@@ -296,6 +296,7 @@ static int64_t settle(struct work *w, struct pair_expansion *e, int64_t g, doubl
         run->time = run->horizon, run->time_low = run->horizon_low;
     } else if (near.what == FALLING) {
         int64_t index = guard->index, side = guard->side, mode = run->mode;
+        put_on_surfaces(w);
         go_over(w, index, found.mode);
         record_transition(w, found.kind, index, side, mode, run->mode);
         set_known_zeros(w, w->mode, index, found.zeros);

@@ -148,6 +148,7 @@ struct guard {
     int64_t kink;             /* whether its surface is crossed whatever other surfaces do: the field is continuous
                                  there, or its normal velocity contains no sign */
     int64_t branches;         /* whether it has branch points of its own */
+    int64_t put_on;           /* state that is put on its surface where an event ends the mode; -1: none */
     expand_code jump;         /* map of its surface, if that resets the state and compiled code makes the jump */
 };
 
@@ -157,7 +158,8 @@ struct mode {
     expand_code expansion;
     lanes_code lanes;      /* null: not compiled */
     step_end_code step_end;
-    expand_code normal_velocities; /* of each guard on a surface: speed towards it, and away from it beyond */
+    expand_code normal_velocities; /* of each guard on a surface: speed towards it, and away from it beyond; of a guard
+                                      with put_on: distance of that state from the surface, and 0 */
     expand_code rounding; /* bounds of the effects of rounding (given the rounding of one operation) and of underflow,
                              on each x' and then on each guard */
     bernstein_code bernstein;

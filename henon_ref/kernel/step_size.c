@@ -78,7 +78,7 @@ static bool infinite(const struct work *w, int64_t rows, int64_t degree)
  *
  * 0 if a coefficient is not finite. The expansion writes four norms after its rows: the largest relative sizes of
  * coefficients p and p - 1 on a step of one unit; a sum that is not finite if a coefficient is not; and the longest
- * step that exponentials allow.
+ * step that exponentials and denominators allow.
  */
 static inline double step_size(const struct work *w, const double *c, int64_t rows)
 {

@@ -7,6 +7,8 @@ static int64_t change_entries(struct work *w);
 
 /* A hold zone is clear if the smallest release guard exceeds this part of all their coefficients' sizes. */
 #define HOLD_MARGIN 1e-9
+/* Largest number of times that the state is put on each surface. */
+#define MOST_PUT 8
 
 /* Normal velocities of the guards of the present mode at the present point. */
 static const double *speeds_at(struct work *w)
@@ -15,6 +17,27 @@ static const double *speeds_at(struct work *w)
     const double *constants = w->constants + w->tables->length;
     w->mode->normal_velocities(run->time, run->time_low, 1.0, w->x, constants, w->speeds);
     return w->speeds + run->states;
+}
+
+/* Put the state on the surfaces on which the mode slides, one after another until it is on all of them.
+ *
+ * It is beside a surface that moves, by the error of the run; friction may change within less.
+ */
+static void put_on_surfaces(struct work *w)
+{
+    bool moved = true;
+    for (int pass = 0; pass < MOST_PUT && moved; pass++) {
+        const double *distances = NULL;
+        moved = false;
+        for (int64_t g = 0; g < w->mode->guards; g++) {
+            int64_t i = w->mode->guard[g].put_on;
+            if (i < 0)
+                continue;
+            distances = distances ? distances : speeds_at(w);
+            if (fabs(distances[2 * g]) > STATE_ROUNDING * fabs(w->x[i]))
+                w->x[i] -= distances[2 * g], w->x_low[i] = 0.0, moved = true;
+        }
+    }
 }
 
 /* +1 inside the hold zone of a surface, -1 outside, 0 if not clear; "stick": row of the mode that slides on the
@@ -181,6 +204,7 @@ static int64_t apply_event(struct work *w)
     const struct guard *guard = &w->mode->guard[run->guard];
     bool coincident = false;
     leave(w);
+    put_on_surfaces(w);
     for (int64_t g = 0; g < w->mode->guards; g++)
         coincident = coincident || (w->hits[g] == 1 && g != run->guard);
     if (guard->kind == VALID)

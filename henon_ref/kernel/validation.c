@@ -141,7 +141,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         w->point[i] = w->x[i] + w->change[i];
     code(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
     run->expansions += 1;
-    /* In the new expansion exponentials must allow a quarter of the step (longest_step in taylor/llvm/step.py). */
+    /* In the new expansion exponentials and denominators must allow a quarter of the step (taylor/llvm/step.py). */
     found->agrees = found->agrees && (slopes || row_ahead(w, n + guards)[3] >= 0.25 * at);
     bool branches = w->mode->branches != 0; /* next to a branch point no slope is excused by its rounding error */
     bool near = true; /* no prediction is far off */

@@ -128,14 +128,10 @@ def rational(system: SwitchedField, matrix: Matrix) -> DomainMatrix:
     return DomainMatrix.from_Matrix(numbers).convert_to(sp.QQ)
 
 
-def surfaces_solved(
-    system: SwitchedField, sliding: Sequence[int], kept: Collection[int] = ()
-) -> tuple[dict[int, int], dict[sp.Symbol, sp.Expr]]:
-    """Return, for each surface that is linear in a state with a constant factor, this state; and these states'
-    expressions.
+def solved_states(system: SwitchedField, sliding: Sequence[int], kept: Collection[int] = ()) -> dict[int, int]:
+    """Return, for each surface that is linear in a state with a constant factor, this state, another for each surface.
 
-    ``kept``: states that are at rest for another reason, so that a surface must determine a different state. The
-    expressions are in time and the states that remain free; empty if they are not short.
+    ``kept``: states that are at rest for another reason, so that a surface must determine a different state.
     """
     states = system.states
     linear = {
@@ -152,8 +148,18 @@ def surfaces_solved(
     for i in sliding:
         _give_state(i, linear, taken, set())
     places = {i: k for k, i in taken.items()}
-    solved = {i: places[i] for i in sliding if i in places}
-    unknown = [states[k] for k in solved.values()]
+    return {i: places[i] for i in sliding if i in places}
+
+
+def surfaces_solved(
+    system: SwitchedField, sliding: Sequence[int], kept: Collection[int] = ()
+) -> tuple[dict[int, int], dict[sp.Symbol, sp.Expr]]:
+    """Return :func:`solved_states`, and these states' expressions.
+
+    The expressions are in time and the states that remain free; empty if they are not short.
+    """
+    solved = solved_states(system, sliding, kept)
+    unknown = [system.states[k] for k in solved.values()]
     return solved, _on_surfaces(system, solved, unknown)
 
 

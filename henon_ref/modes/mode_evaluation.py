@@ -181,6 +181,18 @@ class TapePoint:
     def _expanded(self, mode: Mode, order: int) -> tuple[list[list[Any]], list[list[Any]]]:
         return expand(*self._modes.tape(mode), self._t, self._x, order, self.arithmetic.ring)
 
+    def at_zero_of(self, mode: Mode, place: int) -> TapePoint:
+        """Return the point at which a guard is zero, by one step of Newton's method along a mode's motion.
+
+        The same point if the guard's second derivative matters there.
+        """
+        states, outputs = self._expanded(mode, 2)
+        value, rate, bend = outputs[place]
+        if not abs(value * bend) <= 1e-6 * rate * rate or rate == 0:
+            return self
+        step = -value / rate
+        return self._modes.at(self._t + step, [x + step * slope for x, slope, _ in states], self.levels)
+
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
         guards = self._modes.guards(mode)
         if guards is not None:

@@ -20,8 +20,9 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import has_no_value, leaves_out
 from henon_ref.expressions.bounds import put
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.contact_loops import closed, relations
+from henon_ref.modes.contact_loops import closed, independent, relations
 from henon_ref.modes.equations import Guard, ModeEquations, Refusal
+from henon_ref.modes.linear_system import solved_states
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.sliding import filippov_sliding
 from henon_ref.modes.switched_field import SwitchedField
@@ -239,6 +240,19 @@ class FilippovSystem(SwitchedField):
     def velocities(self) -> SwitchedField:
         """The field with all bodies that can rest as contacts, whose surfaces are velocities."""
         return self.with_reactions(self.resting)
+
+    @cached_method
+    def put_on(self, sliding: tuple[int, ...]) -> dict[int, int]:
+        """Return the state that is put on each surface of a slide where it ends, for surfaces that determine one.
+
+        A state that its surface holds constant does not leave it. A slide that the source gives stays as it is, and so
+        do all slides while a body rests on a stop.
+        """
+        if any(self.rests(i) for i in sliding):
+            return {}
+        own = tuple(i for i in sliding if i not in self.overrides or self.held_inside(i))
+        moving, solved = {TIME, *self.states}, solved_states(self, independent(self, own))
+        return {i: k for i, k in solved.items() if self.surfaces[i].free_symbols & moving != {self.states[k]}}
 
     def together(self, index: int, sliding: Iterable[int]) -> frozenset[int]:
         """Return the surface and those of ``sliding`` that act on it, or on which it acts, also through each other.

@@ -56,11 +56,11 @@ class Sticks(Observation):
         """Return run, duration, start and surface of each complete stick that ends at ``after`` or later."""
         names = runs.system.model.sign_names
         wanted = range(len(names)) if self.surface is None else [names.index(self.surface)]
-        parts = [self._on_surface(runs, i) for i in wanted]
+        parts = [self._on_surface(runs, i) for i in wanted] or [(np.zeros(0, dtype=np.int64),) * 3]
         end = np.concatenate([p[0] for p in parts])
         order = np.argsort(end, kind="stable")
         begin, low = (np.concatenate([p[k] for p in parts])[order] for k in (1, 2))
-        surface = np.repeat(np.array(wanted), [len(p[0]) for p in parts])[order]
+        surface = np.repeat(np.array(wanted, dtype=np.int64), [len(p[0]) for p in parts])[order]
         end = end[order]
         last = runs.records[end]
         duration = (last["time"] - begin) + (last["time_low"] - low)

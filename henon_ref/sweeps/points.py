@@ -255,7 +255,7 @@ def _size(given: Any, what: str) -> int:
 
 def _axis(given: Any, what: str) -> Vector:
     if isinstance(given, Mapping):
-        first, last = numbers([given["from"], given["to"]], what)
+        first, last = numbers([given["from"], given["to"]], f"[from, to] of {what}")
         given = np.linspace(first, last, _size(given, what))
     values = numbers(given, what)
     if not values.size:

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from henon_ref.casefile.case import check_model, check_surfaces
+from henon_ref.casefile.case import check_model
 from henon_ref.casefile.files import read_yaml
 from henon_ref.casefile.form import NONE, Form, Scalar, Size, read_form
 from henon_ref.casefile.schema import (
@@ -81,7 +81,6 @@ def load_sweep(path: str | Path) -> Plan:
     form = read_form(SweepForm, source)
     check_model(source)
     problem = build_problem(source)
-    check_surfaces(source, problem)
     system = System.from_source(source)
     points = _points(source, system, Path(path).parent)
     observations = [_observation(source, system, float(problem.until), k) for k in range(len(form.observe))]

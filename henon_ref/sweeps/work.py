@@ -244,11 +244,11 @@ class Runs:
 
     def mode_names(self, rows: NDArray[np.int64]) -> NDArray[Any]:
         """Return the texts of modes by index, without the sections; None for -1."""
-        names = self.system.model.sign_names
+        model, names = self.system.model, self.system.model.sign_names
         different, places = np.unique(rows, return_inverse=True)
-        whole = [None if row < 0 else self.modes[row] for row in different.tolist()]
-        modes = [mode and shown_mode(self.system.model, mode[: len(names)]) for mode in whole]
-        return np.array([mode and mode_text(mode, names) for mode in modes], dtype=object)[places]
+        modes = [self.modes[row][: len(names)] if row >= 0 else None for row in different.tolist()]
+        texts = [None if mode is None else mode_text(shown_mode(model, mode), names) for mode in modes]
+        return np.array(texts, dtype=object)[places]
 
     def changes(self, surface: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
         """Return the indices of a surface's transitions, and its entry in the mode before and after each."""

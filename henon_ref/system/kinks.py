@@ -73,7 +73,8 @@ def check_kinks(source: Source, path: Path, kinks: Kinks, arguments: Sequence[sp
     still = [a for a in arguments if a.free_symbols and a.free_symbols <= set(kinks.parameters)]
     if still:
         message = f"the argument {still[0]} contains neither t nor a state, so this is not a kink: define a parameter"
-        raise source.error(path, f"{message} by this expression (abs(...) is allowed there)")
+        there = "abs(p) is allowed there; max(p, q) is (p + q + abs(p - q))/2, and sign(p) is p/abs(p)"
+        raise source.error(path, f"{message} by this expression ({there})")
 
 
 def _check_names(source: Source, names: Names, surfaces: list[sp.Symbol], kinks: list[sp.Symbol]) -> None:

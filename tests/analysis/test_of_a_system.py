@@ -113,7 +113,13 @@ def test_tangent_points_of_two_dozen_ordinary_terms(term: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "terms", ["+".join(f"sin({k}*x)/(1 + x^{k})" for k in range(1, 25)), "sin(" * 6 + "x" + ")" * 6]
+    "terms",
+    [
+        "+".join(f"sin({k}*x)/(1 + x^{k})" for k in range(1, 25)),
+        "sin(" * 6 + "x" + ")" * 6,
+        "exp(-1e8*x)",
+        "exp(-x/0.37)/10",
+    ],
 )
 def test_what_has_no_closed_form_is_refused_at_once(terms: str) -> None:
     system = hr.System(["x", "v"], {"F": 1}, {"s": "v"}, ["v", f"-x - F*s + {terms}"])

@@ -1,4 +1,4 @@
-"""Tangent points and their boundary values, against the printed sets of Olejnik and Awrejcewicz (2013)."""
+"""Tangent points against the printed sets of Olejnik and Awrejcewicz (2013); its equations: test_paper.py."""
 
 from __future__ import annotations
 
@@ -32,52 +32,15 @@ def same(one, other):
     return sp.simplify((one - other).xreplace(positive)) == 0
 
 
-def same_set(found, printed):
-    return len(found) == len(printed) and all(any(same(a, b) for a in found) for b in printed)
-
-
 def valued(system, **values):
     names = {p.name: p for p in (M, K1, K2, MU0, VP, A, W, DELTA)}
     return replace(system, parameters={names[name]: sp.sympify(value) for name, value in values.items()})
 
 
 @pytest.fixture(scope="module")
-def section_2():
-    return TangentAnalysis(SECTION_2, X1)
-
-
-@pytest.fixture(scope="module")
-def section_4():
-    return TangentAnalysis(SECTION_4, DRIVEN)
-
-
-@pytest.fixture(scope="module")
 def figure_4():
     system = valued(SECTION_2, mu0=1 / (3 * sp.sqrt(3)), vp=1, delta=1)
     return TangentAnalysis(system, X1)
-
-
-def test_transition_function_of_section_2_is_eq_9(section_2):
-    assert same(section_2.transition_function, Z**2 * (Z**2 - 1) ** 2 - MU0**2)
-
-
-def test_its_derivative_is_eq_11(section_2):
-    assert same(section_2.derivative, 2 * Z * (Z**2 - 1) * (3 * Z**2 - 1))
-
-
-def test_critical_points_of_section_2_are_eq_12(section_2):
-    assert same_set(section_2.critical_points(), [0, 1, -1, 1 / sp.sqrt(3), -1 / sp.sqrt(3)])
-
-
-def test_boundary_mu0_of_section_2_is_eq_13(section_2):
-    assert same_set(section_2.boundary_values(MU0), [0, 2 / (3 * sp.sqrt(3)), -2 / (3 * sp.sqrt(3))])
-
-
-def test_boundary_mu0_is_where_tangent_points_coalesce(section_2):
-    """Independently of the critical points: where a field's touching points are double, or meet the other field's."""
-    double = sp.solve(sp.discriminant(section_2.normals[1], Z), MU0)
-    shared = sp.solve(sp.resultant(section_2.normals[1], section_2.normals[-1], Z), MU0)
-    assert same_set([*double, *set(shared)], section_2.boundary_values(MU0))
 
 
 def test_tangent_points_of_figure_4_are_eq_16(figure_4):
@@ -96,12 +59,6 @@ def test_stick_zones_of_figure_4_lie_between_an_invisible_and_a_visible_point(fi
         for high, low in zip(figure_4.tangent_points()[::2], figure_4.tangent_points()[1::2], strict=True)
     ]
     assert all(z.attracting for z in zones)
-
-
-def test_at_no_friction_the_stick_zone_degenerates_to_three_points():
-    analysis = TangentAnalysis(valued(SECTION_2, mu0=0, vp=1, delta=1), X1)
-    assert [p.position for p in analysis.tangent_points()] == [1, 1, 0, 0, -1, -1]
-    assert analysis.stick_zones() == []
 
 
 def test_at_the_upper_boundary_value_the_zones_join_at_degenerate_points():
@@ -124,24 +81,6 @@ def test_beyond_it_one_zone_is_left():
     assert abs(high - plastic) < 1e-28
     assert abs(low + plastic) < 1e-28
     assert len(analysis.stick_zones()) == 1
-
-
-def test_transition_function_of_section_4_is_eq_19(section_4):
-    assert same(section_4.transition_function, ((K2 * Z**3 - K1 * Z) ** 2 - MU0**2) / M**2)
-
-
-def test_its_derivative_is_eq_21(section_4):
-    assert same(section_4.derivative, 2 * Z / M**2 * (3 * K2 * Z**2 - K1) * (K2 * Z**2 - K1))
-
-
-def test_critical_points_of_section_4_are_eq_22(section_4):
-    outer, inner = sp.sqrt(K1 / K2), sp.sqrt(K1 / (3 * K2))
-    assert same_set(section_4.critical_points(), [sp.Integer(0), outer, -outer, inner, -inner])
-
-
-def test_boundary_mu0_of_section_4_is_eq_23(section_4):
-    edge = 2 * K1 / 3 * sp.sqrt(K1 / (3 * K2))
-    assert same_set(section_4.boundary_values(MU0), [sp.Integer(0), edge, -edge])
 
 
 def test_tangent_points_of_figure_8_are_eq_24_and_their_visibility_depends_on_time():

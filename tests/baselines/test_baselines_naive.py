@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 import sympy as sp
 import systems
+from test_baselines_solvers import run
 
 from henon_ref.baselines.scipy_naive import SIGN, SMOOTHED, Band, joined
 from henon_ref.errors import UnsupportedError
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
-
-
-def run(solver: Any, problem: Problem, rtol: float, **options: Any) -> Any:
-    options.setdefault("deadline", 30)
-    return solver.prepare(problem, rtol=rtol, atol=rtol, **options)()
 
 
 def fed(h: Any, until: float, width: float = 1e-3, step: float = 0.05) -> list[tuple[str, float]]:

@@ -13,6 +13,7 @@ import pytest
 import sympy as sp
 import systems
 from often import daily
+from runs import kinds
 
 from henon_ref.baselines.heyoka_taylor import HEYOKA
 from henon_ref.baselines.scipy_ivp import BDF, DOP853, LSODA, RADAU, RK45
@@ -41,10 +42,6 @@ EACH = pytest.mark.parametrize(("solver", "rtol", "bound"), LADDER, ids=lambda v
 def run(solver: Any, problem: Problem, rtol: float, **options: Any) -> Any:
     options.setdefault("deadline", 30)
     return solver.prepare(problem, rtol=rtol, atol=rtol, **options)()
-
-
-def kinds(found: Any) -> list[str]:
-    return [t.kind for t in found.transitions]
 
 
 @EACH

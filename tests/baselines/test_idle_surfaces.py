@@ -6,8 +6,8 @@ From https://github.com/sys-bio/roadrunner/issues/1358, where an event's timer s
 from __future__ import annotations
 
 import pytest
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.multiprecision.route import multiprecision
@@ -18,11 +18,8 @@ LIBRARIES = (
     "scipy-lsoda",
 )  # fmt: skip
 
+# A surface that stays at zero beside one that is crossed.
 DEAD_CROSS = """\
-schema: 1
-name: dead_cross
-title: A surface that stays at zero beside one that is crossed
-source: https://github.com/sys-bio/roadrunner/issues/1358
 system:
   state: [x, r]
   surfaces: {s: "1 - x", b: r}
@@ -30,21 +27,15 @@ system:
 initial: {t: 0, x: 0, r: 0, mode: {b: -1}}
 until: 3/2
 """
+# A timer that stops.
 COUNTDOWN = """\
-schema: 1
-name: countdown
-title: A timer that stops
-source: https://github.com/sys-bio/roadrunner/issues/1358
 system: {state: [d, q, y], surfaces: {due: d}, field: ["-q", "0", "1"]}
 resets: {due: {map: MAP}}
 initial: {t: 0, d: START, q: RATE, y: 0}
 until: 2
 """
+# A surface at zero that another one's crossing moves.
 MOVED = """\
-schema: 1
-name: moved
-title: A surface at zero that another one's crossing moves
-source: closed form
 system:
   state: [d, x]
   surfaces: {s: d, u: "x - 1"}
@@ -54,17 +45,13 @@ until: 3
 """
 
 
-def read(text: str) -> Problem:
-    return parse_case(text).readings[0].problem
-
-
 def countdown(written: str, start: int = 1) -> Problem:
-    return read(COUNTDOWN.replace("MAP", written).replace("START", str(start)).replace("RATE", str(start)))
+    return read_problem(COUNTDOWN.replace("MAP", written).replace("START", str(start)).replace("RATE", str(start)))
 
 
 @pytest.mark.parametrize("name", ["henon", *LIBRARIES])
 def test_a_guard_that_is_identically_zero_is_nobody_s_event(name: str) -> None:
-    found = solver(name).prepare(read(DEAD_CROSS), rtol=1e-9)()
+    found = solver(name).prepare(read_problem(DEAD_CROSS), rtol=1e-9)()
     told = [(t.kind, t.surface, t.from_mode, t.to_mode) for t in found.transitions]
     assert (found.status, told) == ("ok", [("crossing", 0, (1, -1), (-1, -1))])
     assert found.transitions[0].time == pytest.approx(2 / 3, abs=1e-9)
@@ -98,7 +85,7 @@ def test_the_label_of_its_mode_is_the_same_however_the_map_is_written(written: s
 @pytest.mark.parametrize("name", ["henon", *LIBRARIES])
 @pytest.mark.parametrize("way", [1, -1])
 def test_something_moves_it(name: str, way: int) -> None:
-    found = solver(name).prepare(read(MOVED.replace("WAY", str(way))), rtol=1e-9)()
+    found = solver(name).prepare(read_problem(MOVED.replace("WAY", str(way))), rtol=1e-9)()
     told = [(t.kind, t.surface) for t in found.transitions]
     assert (found.status, told) == ("ok", [("crossing", 1)] if way > 0 else [("crossing", 1), ("crossing", 0)])
     assert [t.time for t in found.transitions] == pytest.approx([1.0] * len(told), abs=1e-6)
@@ -108,4 +95,4 @@ def test_something_moves_it(name: str, way: int) -> None:
 @pytest.mark.parametrize("name", ["scipy-smoothed", "scipy-sign"])
 def test_a_sign_that_is_zero_on_a_surface_cannot_begin_beside_it(name: str) -> None:
     with pytest.raises(UnsupportedError, match="cannot begin there on a given side"):
-        solver(name).prepare(read(DEAD_CROSS), rtol=1e-9)
+        solver(name).prepare(read_problem(DEAD_CROSS), rtol=1e-9)

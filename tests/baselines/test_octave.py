@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from problems import read_problem
 
 import henon_ref
 from henon_ref.baselines import interpreted as module
@@ -17,9 +18,6 @@ from henon_ref.harness.truth.compute import stored_truth
 
 pytestmark = pytest.mark.skipif(not octave_version(), reason="Octave is not installed")
 BLOCK = """
-schema: 1
-name: block
-title: A block that friction of 1/4 brings to rest
 system:
   state: [x, v]
   surfaces: {s: v}
@@ -27,6 +25,7 @@ system:
 initial: {t: 0, x: 1, v: 0}
 until: 10
 """
+"""A block that friction of 1/4 brings to rest."""
 
 
 @pytest.mark.parametrize("name", ["free_coulomb", "leaving_slide"])
@@ -43,14 +42,14 @@ def test_every_transition_is_found(name: str) -> None:
 
 
 def test_a_closed_form() -> None:
-    found = ODE45.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, rtol=1e-9, atol=1e-9)()
+    found = ODE45.prepare(read_problem(BLOCK), rtol=1e-9, atol=1e-9)()
     assert [event.kind for event in found.transitions] == ["crossing", "stick"]
     assert [event.time for event in found.transitions] == pytest.approx([math.pi, 2 * math.pi], abs=1e-3)
     assert found.counts.steps > 10
 
 
 def test_a_run_past_its_time_says_so() -> None:
-    problem = henon_ref.parse_case(BLOCK).readings[0].problem
+    problem = read_problem(BLOCK)
     found = ODE45.prepare(problem, rtol=1e-12, atol=1e-12, deadline=1e-3)()
     assert (found.status, found.reason) == ("timeout", "the time that a run may take has passed")
 
@@ -70,7 +69,7 @@ def test_its_version_is_told() -> None:
 def test_without_octave_it_is_unavailable(monkeypatch) -> None:
     monkeypatch.setattr(module, "octave_version", lambda: "")
     with pytest.raises(UnavailableError, match="octave-cli is not installed"):
-        ODE45.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, rtol=1e-9)
+        ODE45.prepare(read_problem(BLOCK), rtol=1e-9)
 
 
 def test_a_run_ends_at_the_last_state_that_is_one() -> None:

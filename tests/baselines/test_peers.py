@@ -21,7 +21,6 @@ from henon_ref.baselines.mode_functions import ModeFunctions
 from henon_ref.baselines.nosnoc_fesd import FEWEST, GRID, NOSNOC, _control_steps
 from henon_ref.baselines.scipy_ivp import RK45
 from henon_ref.errors import UnavailableError, UnsupportedError
-from henon_ref.harness import registry
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -219,11 +218,3 @@ def test_a_peer_that_is_not_installed_is_unavailable_with_the_line_that_installs
     words = rf"^{solver.distribution} is not installed: pip install 'henon-ref\[peers\]'$"
     with pytest.raises(UnavailableError, match=words):
         solver.prepare(systems.free_coulomb(), rtol=1e-6)
-
-
-def test_each_names_its_library() -> None:
-    for name in ("diffrax-dopri8", "diffrax-kvaerno5", "diffsol-tsit45", "diffsol-bdf", "nosnoc"):
-        solver = registry.solver(name)
-        assert isinstance(solver, LibrarySolver)
-        assert solver.name == name
-        assert solver.version == registry.library_version(name)

@@ -6,6 +6,7 @@ import math
 
 import pytest
 from often import daily
+from problems import read_problem
 
 import henon_ref
 from henon_ref.baselines.interpreted import DEFAULT, RELAY, VARIABLE, siconos_version
@@ -14,9 +15,6 @@ from henon_ref.harness import registry
 
 installed = pytest.mark.skipif(not siconos_version(DEFAULT), reason="Siconos is not installed")
 BLOCK = """
-schema: 1
-name: block
-title: A block that friction of 1/4 brings to rest away from the middle
 system:
   state: [x, v]
   surfaces: {s: v}
@@ -24,12 +22,13 @@ system:
 initial: {t: 0, x: 11/10, v: 0}
 until: 10
 """
+"""A block that friction of 1/4 brings to rest away from the middle."""
 
 
 @installed
 @pytest.mark.parametrize("step", daily([1e-2, 5e-3], some=[1e-2]))
 def test_a_closed_form(step: float) -> None:
-    problem = henon_ref.parse_case(BLOCK).readings[0].problem
+    problem = read_problem(BLOCK)
     found = RELAY.prepare(problem, step=step)()
     assert (found.status, found.reason) == ("ok", "")
     assert [event.kind for event in found.transitions] == ["crossing", "stick"]
@@ -41,7 +40,7 @@ def test_a_closed_form(step: float) -> None:
 @installed
 def test_a_slide_that_ends_and_a_field_with_a_pole_beyond_the_surface() -> None:
     text = BLOCK.replace('[v, "-x - s/4"]', '[v, "-x - s/(1 + 3*s*(v - 1/5))"]').replace("{s: v}", "{s: v - 1/5}")
-    problem = henon_ref.parse_case(text).readings[0].problem
+    problem = read_problem(text)
     exact = registry.solver("henon").prepare(problem, rtol=1e-12, atol=1e-12)()
     found = RELAY.prepare(problem, step=1e-2)()
     assert [event.kind for event in found.transitions] == [event.kind for event in exact.transitions]
@@ -69,7 +68,7 @@ def test_a_slide_that_is_not_filippov_s_is_not_supported() -> None:
 def test_a_field_that_is_zero_beyond_the_surface_is_no_lost_sign() -> None:
     """x' = 1 below and 0 above: rounding alone tells on which side of it the state stays."""
     text = BLOCK.replace("[x, v]", "[x]").replace("s: v", "s: x").replace('[v, "-x - s/4"]', '["(1 - s)/2"]')
-    problem = henon_ref.parse_case(text.replace("{t: 0, x: 11/10, v: 0}", "{x: -1}")).readings[0].problem
+    problem = read_problem(text.replace("{t: 0, x: 11/10, v: 0}", "{x: -1}"))
     found = RELAY.prepare(problem, step=1e-2)()
     assert (found.status, len(found.transitions)) == ("ok", 1)
     assert found.transitions[0].time == pytest.approx(1.0, abs=2e-2)
@@ -92,5 +91,5 @@ def test_without_siconos_it_is_unavailable(monkeypatch) -> None:
     monkeypatch.setenv(VARIABLE, "/no/such/python")
     assert RELAY.version == ""
     with pytest.raises(UnavailableError, match="/no/such/python has no siconos"):
-        RELAY.prepare(henon_ref.parse_case(BLOCK).readings[0].problem, step=1e-2)
+        RELAY.prepare(read_problem(BLOCK), step=1e-2)
     assert DEFAULT != "/no/such/python"

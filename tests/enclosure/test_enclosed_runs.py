@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -10,6 +10,7 @@ import pytest
 import sympy as sp
 import systems
 from flint import arb, ctx
+from problems import make_problem
 
 from henon_ref.enclosure import run as enclosed
 from henon_ref.enclosure.balls import enclose
@@ -80,12 +81,12 @@ def test_relay_feedback_first_release(monkeypatch: pytest.MonkeyPatch) -> None:
     assert run.radius <= RADIUS
 
 
-def test_forced_coulomb_on_its_orbit(problem: Callable[..., Problem]) -> None:
+def test_forced_coulomb_on_its_orbit() -> None:
     """Den Hartog's orbit without stops: from (x0, 0) the turns are at k pi / 2."""
     # With P = 1, W = 2, F = 1/5: V = -1/3, U = 1/2.
     start = "sqrt(1/9 - 1/100)"
     drive = f"-3*{start}*cos(2*t) - 3/10*sin(2*t)"
-    made = problem("x v", ["v", f"-x + {drive} - s/5"], {"s": "v"}, [start, 0], 6)
+    made = make_problem("x v", ["v", f"-x + {drive} - s/5"], {"s": "v"}, [start, 0], 6)
     run = certify(made)
     check_times(run, [sp.pi / 2, sp.pi, 3 * sp.pi / 2])
 
@@ -152,8 +153,8 @@ def test_an_event_at_the_horizon_is_a_tie() -> None:
     assert "at the horizon" in run.reason
 
 
-def test_two_guards_at_once_are_a_tie(problem: Callable[..., Problem]) -> None:
-    run = certify(problem("x y", ["1", "2"], {"a": "x - 1", "b": "y - 2"}, [0, 0], 2))
+def test_two_guards_at_once_are_a_tie() -> None:
+    run = certify(make_problem("x y", ["1", "2"], {"a": "x - 1", "b": "y - 2"}, [0, 0], 2))
     assert run.status == "not provable"
     assert "tie" in run.reason
 
@@ -171,8 +172,8 @@ def test_blow_up_ends_with_its_time() -> None:
     assert float(run.time) == pytest.approx(1, abs=1e-20)
 
 
-def test_the_model_ends_with_proof(problem: Callable[..., Problem]) -> None:
-    run = certify(problem("x", ["-1"], {"s": "x + 1"}, [1], 3, valid=["x - 1/3"]))
+def test_the_model_ends_with_proof() -> None:
+    run = certify(make_problem("x", ["-1"], {"s": "x + 1"}, [1], 3, valid=["x - 1/3"]))
     assert (run.status, run.ended) == ("certified", "invalid")
     assert run.time.contains(arb(2) / 3) or abs(run.time - arb(2) / 3) < 1e-15
 
@@ -213,10 +214,10 @@ def test_pace_is_that_of_the_steps_after_the_first(
     assert reason in run.reason
 
 
-def test_units_of_a_billionth_change_no_digit(problem: Callable[..., Problem]) -> None:
+def test_units_of_a_billionth_change_no_digit() -> None:
     """The Stribeck belt with time and length scaled: the transitions scale with it."""
     plain = certify(systems.stribeck_belt("9"))
-    scaled = problem(
+    scaled = make_problem(
         "x v",
         ["v", "-10**18*x - 10**9*s/(1 + 3*10**0*s*(v - 1/5))"],
         {"s": "v - 1/5"},
@@ -249,19 +250,19 @@ def test_an_override_that_leaves_its_surface_is_refused() -> None:
     assert "not proven to keep its surface" in run.reason
 
 
-def test_a_start_outside_the_model_is_told(problem: Callable[..., Problem]) -> None:
-    run = certify(problem("x", ["-1"], {"s": "x + 1"}, [1], 3, valid=["x - 2"]))
+def test_a_start_outside_the_model_is_told() -> None:
+    run = certify(make_problem("x", ["-1"], {"s": "x + 1"}, [1], 3, valid=["x - 2"]))
     assert run.ended == "invalid"
     assert run.transitions == ()
 
 
-def test_release_from_an_intersection(problem: Callable[..., Problem]) -> None:
+def test_release_from_an_intersection() -> None:
     """x' = t - a - 3b/10, y' = -b - 3a/10 slides on both surfaces until a reaches 1, at t = 91/100.
 
     The normal velocity after the release is zero by continuity of the field, and by nothing that algebra on the
     surfaces alone could tell.
     """
-    run = certify(problem("x y", ["t - a - 3*b/10", "-b - 3*a/10"], {"a": "x", "b": "y"}, [0, 0], 2))
+    run = certify(make_problem("x y", ["t - a - 3*b/10", "-b - 3*a/10"], {"a": "x", "b": "y"}, [0, 0], 2))
     check_times(run, [sp.Rational(91, 100)])
     assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", 0, (1, 0))]
     with ctx.workprec(200):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 import sympy as sp
 import systems
 from flint import arb, ctx
+from problems import make_problem
 
 from henon_ref.enclosure import periodic_orbit as orbit
 from henon_ref.enclosure.balls import enclose
@@ -20,10 +19,10 @@ PERIOD = 2 * sp.pi / (3 * sp.pi / 2 / sp.Rational(12364, 10000))
 
 
 @pytest.fixture
-def den_hartog(problem: Callable[..., Problem]) -> Problem:
+def den_hartog() -> Problem:
     start = "sqrt(1/9 - 1/100)"
     drive = f"-3*{start}*cos(2*t) - 3/10*sin(2*t)"
-    return problem("x v", ["v", f"-x + {drive} - s/5"], {"s": "v"}, [start, 0], "1/2")
+    return make_problem("x v", ["v", f"-x + {drive} - s/5"], {"s": "v"}, [start, 0], "1/2")
 
 
 def at_the_end(problem: Problem, period: sp.Expr) -> Guess:
@@ -83,14 +82,14 @@ def test_fig8_plane_map_of_the_equations() -> None:
     assert (up, down) == pytest.approx((0.3500047649, 0.9327451920), abs=1e-10)
 
 
-def test_a_guess_near_no_orbit_is_refused(problem: Callable[..., Problem]) -> None:
-    drift = problem("x", ["1"], {"s": "x - 1000"}, [0], 1)
+def test_a_guess_near_no_orbit_is_refused() -> None:
+    drift = make_problem("x", ["1"], {"s": "x - 1000"}, [0], 1)
     with pytest.raises(OrbitError, match="no isolated orbit"):
         find_periodic_orbit(drift.system, Guess(sp.Integer(0), (0.0,), (-1,), period=sp.Integer(1)))
 
 
-def test_a_return_map_into_another_mode_is_refused(problem: Callable[..., Problem]) -> None:
-    through = problem("x", ["1"], {"s": "x - 1/2"}, [0], 1)
+def test_a_return_map_into_another_mode_is_refused() -> None:
+    through = make_problem("x", ["1"], {"s": "x - 1/2"}, [0], 1)
     with pytest.raises(OrbitError, match="ends in mode"):
         find_periodic_orbit(through.system, Guess(sp.Integer(0), (0.0,), (-1,), period=sp.Integer(1)))
 
@@ -126,8 +125,8 @@ def test_an_event_orbit_ends_with_the_event_it_starts_at() -> None:
         find_periodic_orbit(systems.stribeck_belt().system, guess, radius=1e-15)
 
 
-def test_a_motion_that_never_returns_has_no_orbit(problem: Callable[..., Problem]) -> None:
+def test_a_motion_that_never_returns_has_no_orbit() -> None:
     """x = t leaves the surface x = 0 for good."""
-    away = problem("x v", ["v", "0"], {"s": "x"}, [0, 1], 1)
+    away = make_problem("x v", ["v", "0"], {"s": "x"}, [0, 1], 1)
     with pytest.raises(OrbitError, match="has 0 events, not 1"):
         find_periodic_orbit(away.system, Guess(sp.Integer(0), (0.0, 1.0), (1,), events=1, surface=0))

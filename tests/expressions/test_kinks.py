@@ -6,9 +6,9 @@ from itertools import product
 
 import pytest
 import sympy as sp
+from problems import read_problem
 
 import henon_ref as hr
-from henon_ref.casefile.case import parse_case
 from henon_ref.errors import ExpressionError
 from henon_ref.expressions.evaluation import FIELD, evaluated
 from henon_ref.expressions.kinks import Kinks
@@ -238,9 +238,6 @@ def test_a_load_that_has_the_kink_of_another_contact_s_surface_has_its_sign(orde
         "grip": "friction: {between: [a, wall], law: coulomb, force: 0.1, normal: '1 + abs(v_a - 1/2)', name: grip}",
     }
     text = f"""\
-schema: 1
-name: loads
-title: Loads
 scene:
   bodies:
     a: {{mass: 1}}
@@ -253,7 +250,7 @@ scene:
 initial: {{x_a: 1, v_a: 0}}
 until: 10
 """
-    model = parse_case(text).readings[0].problem.system
+    model = read_problem(text).system
     speed = model.surfaces[model.sign_names.index("rub")]
     assert {model.surfaces[i] for i in model.kinks} == {1 + speed, 1 - speed}  # where max(0, load) begins
     acceleration = model.field[1].xreplace(dict.fromkeys(model.signs, sp.S.One))

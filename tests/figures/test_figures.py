@@ -12,7 +12,8 @@ import pytest
 import sympy as sp
 
 from henon_ref.casefile.case import Reading, load_case
-from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, motion_of
+from henon_ref.figures import style
+from henon_ref.figures.motion import Motion, axes_of_portrait, draw_portrait, mark_transitions, motion_of
 from henon_ref.figures.plots import draw_modes
 from henon_ref.figures.style import description_of, image
 from henon_ref.harness import registry
@@ -145,3 +146,12 @@ def test_markers_of_cost_mean_one_thing_each_and_times_have_units():
     labels = [label.get_text() for label in axes.get_xticklabels()]
     assert {"0.1 ms", "1 ms", "10 ms", "0.1 s"} <= set(labels)
     assert draw_cost(rows[:1], expected) is None
+
+
+def test_transitions_share_a_label_where_two_would_overlap():
+    with style.figure(3.0) as figure:
+        axes = figure.add_subplot()
+        axes.set(xlim=(0, 10), ylim=(0, 1))
+        points = np.array([[2.0, 0.5], [2.3, 0.5], [2.3, 0.5], [3.0, 0.5]])
+        mark_transitions(axes, points, ["stick", "stick", "release", "stick"], np.array([1.0, 2.0, 3.0, 4.0]))
+    assert [text.get_text() for text in axes.texts] == ["stick 1, 2 s", "release 3 s", "stick 4 s"]

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from derivatives import fundamental_matrix
 from multiprecision import multiprecision
+from problems import read_problem
 
 import henon_ref as hr
-from henon_ref.casefile.case import parse_case
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.conditioning import conditioning
@@ -26,10 +26,6 @@ SOLVERS = ("henon", "scipy-dop853", "heyoka", "cvode-bdf")
 Told = list[tuple[str, int]]
 
 TEXT = """\
-schema: 1
-name: instant
-title: Several maps at one instant
-source: closed form
 system:
   state: [x, a, b]
   surfaces: {{first: "1 - x", second: "{second}"}}
@@ -47,7 +43,7 @@ def case(
     until: str = "7/2",
 ) -> Problem:  # fmt: skip
     """x' = 1 from 0; ``first`` resets it at 1 and counts in a, which carries ``second`` through zero."""
-    return _read(TEXT.format(first=first, second=second, map=map, until=until))
+    return read_problem(TEXT.format(first=first, second=second, map=map, until=until))
 
 
 @lru_cache
@@ -60,21 +56,13 @@ def row(masses: tuple[str, ...], speeds: tuple[str, ...], restitution: str = "1"
     )
     places = [-1 if i == 0 else 1 if i == last and speeds[i] != "0" else 0 for i in range(last + 1)]
     initial = ", ".join(f"x_b{i}: {places[i]}, v_b{i}: {v}" for i, v in enumerate(speeds))
-    return _read(f"""\
-schema: 1
-name: balls
-title: Balls in a row
-source: closed form
+    return read_problem(f"""\
 scene:
   bodies: {{{bodies}}}
   connections:
 {stops}initial: {{{initial}}}
 until: 2
 """)
-
-
-def _read(text: str) -> Problem:
-    return parse_case(text).readings[0].problem
 
 
 def run(problem: Problem, name: str = "henon") -> Trajectory:
@@ -127,10 +115,6 @@ def test_maps_without_end_are_named() -> None:
 
 
 TWO = """\
-schema: 1
-name: two
-title: Two surfaces that fall at once
-source: closed form
 system:
   state: [x, a]
   surfaces: {{p: "1 - x", q: "2 - 2*x"}}
@@ -148,19 +132,19 @@ until: 2
     [(", priority: -1", 8.0, [0, 1]), (", priority: 1", 7.0, [1, 0]), (", priority: 0.5", 7.0, [1, 0])],
 )
 def test_the_lowest_priority_goes_first(priority: str, end: float, order: list[int]) -> None:
-    problem = _read(TWO.format(p="a + 1", q="2*a", priority=priority))
+    problem = read_problem(TWO.format(p="a + 1", q="2*a", priority=priority))
     for found in (*(run(problem, name) for name in SOLVERS), multiprecision(problem)):
         assert (found.status, [i for _, i in told(found)]) == ("ok", order)
         assert float(found.transitions[-1].state[1]) == end
 
 
 def test_without_priorities_the_future_is_not_unique_where_the_order_matters_at_that_state() -> None:
-    differs = _read(TWO.format(p="a + 1", q="2*a", priority=""))
+    differs = read_problem(TWO.format(p="a + 1", q="2*a", priority=""))
     for found in (*(run(differs, name) for name in SOLVERS), multiprecision(differs)):
         assert (found.status, len(found.transitions)) == ("nonunique", 0)
         assert found.reason.endswith("resets at one instant whose order matters: p, q")
     # They do not commute, but at a = 3 they do.
-    same = _read(TWO.format(p="a + 1", q="a*(a - 3)*(a - 4) + a", priority=""))
+    same = read_problem(TWO.format(p="a + 1", q="a*(a - 3)*(a - 4) + a", priority=""))
     for found in (*(run(same, name) for name in SOLVERS), multiprecision(same)):
         assert (found.status, [i for _, i in told(found)]) == ("ok", [0, 1])
         assert float(found.transitions[-1].state[1]) == 4.0
@@ -275,10 +259,6 @@ def test_a_body_rests_on_one_at_rest(pulled: int, time: float, mode: tuple[int, 
 
 
 DROP = """\
-schema: 1
-name: drop
-title: A body falls on one that lies on the ground
-source: closed form
 scene:
   bodies: {ground: fixed, lo: {mass: 1}, up: {mass: 2}}
   connections:
@@ -293,7 +273,7 @@ until: 0.9
 
 def test_a_body_that_falls_on_one_at_rest_on_the_ground_presses_it_on_and_is_proven_to() -> None:
     # At s = -sqrt(20): (lo, up) = (0, 1) s -> (4/3, 1/3) s -> ground (-4/3, 1/3) s -> ... in five impacts, elastic.
-    problem = _read(DROP)
+    problem = read_problem(DROP)
     v, lo, up = 20**0.5, 0.0, -1.0
     ends = []
     for pair in (1, 0, 1, 0, 1):
@@ -307,7 +287,7 @@ def test_a_body_that_falls_on_one_at_rest_on_the_ground_presses_it_on_and_is_pro
 
 
 def test_what_is_not_proven_is_refused() -> None:
-    proof = prove(_read(TWO.format(p="a + 1", q="2*a", priority="")))
+    proof = prove(read_problem(TWO.format(p="a + 1", q="2*a", priority="")))
     assert (proof.status, len(proof.transitions)) == ("failed", 0)
     assert "cannot be told apart: a tie" in proof.undecided
     both = case(first="{map: {x: '0', a: a + 1, b: b + 1}}", second="1/2 - a", map="{map: {a: '0', b: b + 1}}")
@@ -321,9 +301,9 @@ def test_derivatives_lead_through_a_cascade_and_not_through_surfaces_met_at_once
     )
     found, step = [], 1e-5
     for change in (-step, step):
-        moved = _read(text.replace('["1"', '["1 + a"').replace("a: 0, b: 0}", f"a: {0.1 + change!r}, b: 0}}"))
+        moved = read_problem(text.replace('["1"', '["1 + a"').replace("a: 0, b: 0}", f"a: {0.1 + change!r}, b: 0}}"))
         found.append(run(moved).end_state)
-    problem = _read(text.replace('["1"', '["1 + a"').replace("a: 0, b: 0}", "a: 0.1, b: 0}"))
+    problem = read_problem(text.replace('["1"', '["1 + a"').replace("a: 0, b: 0}", "a: 0.1, b: 0}"))
     assert told(run(problem)) == [("reset", 0), ("reset", 1)]
     matrix, _ = fundamental_matrix(problem, problem.start, problem.until, tolerance=1e-12)
     assert matrix[:, 1] == pytest.approx((np.array(found[1]) - np.array(found[0])) / (2 * step), abs=1e-7)

@@ -69,6 +69,24 @@ class Corner:
         return compiled.modes[found] if found >= 0 else None, theirs
 
 
+def assert_decided_as_in_python(corner: Corner, seed: int, always: int | None = None) -> list[Mode]:
+    """At random corners, where the surface ``always`` is among those reached; return what machine code decided."""
+    random, found = np.random.default_rng(seed), []
+    for _ in range(200):
+        # ties are frequent
+        numbers = [*random.integers(-6, 7, corner.surfaces) / 2, *random.integers(-4, 2, len(corner.acts))]
+        mode = tuple(int(s) for s in random.choice([-1, 0, 1], corner.surfaces, p=[0.4, 0.2, 0.4]))
+        hit = [i for i in range(corner.surfaces) if mode[i] and (i == always or random.random() < 0.8)]
+        if not hit or always not in (None, *hit):
+            continue
+        ours, theirs = corner.both(numbers, mode, hit)
+        if ours is not None:
+            found.append(ours)
+            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
+    assert len(found) >= 40
+    return found
+
+
 @pytest.mark.parametrize(
     ("surfaces", "coupled"),
     # 243 and 729 modes, whose equations take as long as all the rest; daily: up to three.
@@ -77,34 +95,11 @@ class Corner:
 def test_any_corner_is_decided_as_in_python(surfaces: int, coupled: bool) -> None:
     every = range(surfaces)
     acts = [(i, j) for i in every for j in every if coupled or i == j]
-    corner, random = Corner(surfaces, acts), np.random.default_rng(surfaces)
-    clear = 0
-    for _ in range(200):
-        numbers = [*random.integers(-6, 7, surfaces) / 2, *random.integers(-4, 2, len(acts))]  # ties are frequent
-        mode = tuple(int(s) for s in random.choice([-1, 0, 1], surfaces, p=[0.4, 0.2, 0.4]))
-        hit = [i for i in every if mode[i] and random.random() < 0.8]
-        if not hit:
-            continue
-        ours, theirs = corner.both(numbers, mode, hit)
-        if ours is not None:
-            clear += 1
-            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
-    assert clear >= 40
+    assert_decided_as_in_python(Corner(surfaces, acts), surfaces)
 
 
 def test_a_section_beside_contacts_that_act_on_each_other_is_crossed() -> None:
     """Its sign is in no velocity, but theirs are in its own: no candidate slides on it."""
-    corner, random = Corner(3, [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]), np.random.default_rng(3)
-    clear = 0
-    for _ in range(200):
-        numbers = [*random.integers(-6, 7, 3) / 2, *random.integers(-4, 2, 6)]
-        mode = tuple(int(s) for s in random.choice([-1, 0, 1], 3, p=[0.4, 0.2, 0.4]))
-        hit = [i for i in range(3) if mode[i] and (i == 2 or random.random() < 0.8)]
-        if 2 not in hit:
-            continue
-        ours, theirs = corner.both(numbers, mode, hit)
-        if ours is not None:
-            clear += 1
-            assert ours[2] != 0
-            assert (theirs.status, theirs.mode) == ("unique", ours), (numbers, mode, hit)
-    assert clear >= 40
+    acts = [(0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1)]
+    for ours in assert_decided_as_in_python(Corner(3, acts), 3, always=2):
+        assert ours[2] != 0

@@ -65,12 +65,6 @@ def test_twisting_accumulates_and_ends_with_a_clear_word() -> None:
     assert len(result.transitions) > 50
 
 
-def test_a_future_that_is_not_unique_is_said_so_and_a_given_mode_settles_it() -> None:
-    result = run(make_problem("x", ["s"], {"s": "x"}, [0], 3))
-    assert result.status == "nonunique"
-    assert run(make_problem("x", ["s"], {"s": "x"}, [0], 3, mode={0: -1})).end_state == (-3.0,)
-
-
 @pytest.mark.parametrize(
     ("field", "surface", "words"),
     [

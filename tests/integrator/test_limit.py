@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from problems import make_problem
+from problems import make_problem, read_problem
 from runs import kinds, run
 
 import henon_ref as hr
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.casefile.case import load_case
 
 FINE = pytest.mark.parametrize("rtol", [1e-12, 1e-15])
 """Tolerances at which no step moves a state by 1e-13 of the friction."""
 
 TWIN = """\
-schema: 1
-name: twin
-title: A belt that swings with the spring's own frequency
 scene:
   bodies: {block: {mass: 1}, belt: {velocity: 2*sin(t)}, wall: fixed}
   connections:
@@ -28,6 +22,7 @@ scene:
 initial: {t: 0, x_block: 0, v_block: 0}
 until: 20
 """
+"""A belt that swings with the spring's own frequency."""
 
 
 @FINE
@@ -46,10 +41,8 @@ def test_a_load_that_equals_the_friction_by_an_identity_holds(rtol: float) -> No
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12, 1e-15])
-def test_a_hold_zone_s_end_that_is_kept_to_holds(rtol: float, tmp_path: Path) -> None:
-    (tmp_path / "twin.yaml").write_text(TWIN)
-    (reading,) = load_case(tmp_path / "twin.yaml").readings
-    result = HENON_SOLVER.prepare(reading.problem, rtol=rtol, deadline=20.0)()
+def test_a_hold_zone_s_end_that_is_kept_to_holds(rtol: float) -> None:
+    result = HENON_SOLVER.prepare(read_problem(TWIN), rtol=rtol, deadline=20.0)()
     assert (result.status, kinds(result), result.end_mode) == ("ok", [], (0,))
 
 

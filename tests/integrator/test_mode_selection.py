@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 import sympy as sp
 from often import daily
+from problems import read_problem
 
 import henon_ref as hr
 from henon_ref.baselines.henon import HENON_SOLVER
-from henon_ref.casefile.case import load_case, parse_case
+from henon_ref.casefile.case import load_case
 from henon_ref.integrator import mode_changes
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.run import Run
@@ -83,14 +84,11 @@ def test_clear_decisions_are_those_of_python(path: str, reading: str | None, mon
 
 def problem(field: str, start: str = "{x: -1, y: -1}") -> Problem:
     text = f"""
-schema: 1
-name: corner
-title: Both surfaces reached at once
 system: {{state: [x, y], surfaces: {{s: x, u: y}}, field: {field}}}
 initial: {start}
 until: 3
 """
-    return parse_case(text).readings[0].problem
+    return read_problem(text)
 
 
 @pytest.mark.parametrize(
@@ -134,9 +132,6 @@ def decoupled_problem(seed: int, surfaces: int, *, shared: bool = False, until: 
 def straight(names: Sequence[str], field: Sequence[str], start: Sequence[str], surfaces: int, until: float) -> Problem:
     quoted = ", ".join(f'"{f}"' for f in field)
     text = f"""
-schema: 1
-name: straight
-title: Surfaces x_i = 0
 system:
   state: [{", ".join(names)}]
   surfaces: {{{", ".join(f"s{i}: x{i}" for i in range(surfaces))}}}
@@ -144,7 +139,7 @@ system:
 initial: {{{", ".join(start)}}}
 until: {until}
 """
-    return parse_case(text).readings[0].problem
+    return read_problem(text)
 
 
 @pytest.mark.parametrize("shared", [False, True])

@@ -4,24 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from runs import constants_of
+from test_contacts import chain
 
 import henon_ref as hr
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.kernel.library import kernel
 from henon_ref.modes.mode import Mode
-
-
-def chain(blocks: int) -> hr.System:
-    """Blocks on a belt, a spring each to the wall and to the neighbours, friction that falls with the sliding speed."""
-    every = range(blocks)
-    pulls = [f"-x{i}" + "".join(f" - (x{i} - x{j})" for j in (i - 1, i + 1) if j in every) for i in every]
-    return hr.System(
-        state=[*(f"x{i}" for i in every), *(f"v{i}" for i in every)],
-        parameters={"F": 1, "d": 3, "vb": 0.5},
-        surfaces={f"s{i}": f"v{i} - vb" for i in every},
-        field=[*(f"v{i}" for i in every), *(f"{pulls[i]} - F*s{i}/(1 + d*s{i}*(v{i} - vb))" for i in every)],
-    )
 
 
 def test_a_row_is_that_of_the_mode_written_out() -> None:

@@ -10,22 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from problems import LEAVING_SLIDE
 
 from henon_ref.jit.cache_folder import read
 
 pytestmark = pytest.mark.slow
 """Each compiles all that there is. Daily: test_native_module.py and test_cache_folder.py, with one module."""
-CASE = """\
-schema: 1
-name: leaving
-title: Leaving a slide
-source: none
-system: {state: [x], surfaces: {s: "x"}, field: ["t - s"]}
-initial: {t: 0, x: 0}
-until: 3
-exact: {transition_times: ["1"]}
-tolerances: [1e-6]
-"""
 SAME = ("status", "status_reason", "found_transitions", "matched", "max_time_error_s", "steps", "rhs_evaluations")
 PROGRESS = ("1 of 1: ", "computing what is not stored: ")
 """How lines begin that tell of the run, and of the truth where the machine has other things to do."""
@@ -39,7 +29,7 @@ Seen = tuple[dict[str, str], list[str]]
 def warm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
     """A folder with a case and with a cache in which everything is compiled; the row of the case."""
     place = tmp_path_factory.mktemp("warm")
-    (place / "leaving.yaml").write_text(CASE)
+    (place / "leaving.yaml").write_text(LEAVING_SLIDE)
     row, told = compared(place)
     assert row["status"] == "ok"
     assert told == []
@@ -63,14 +53,14 @@ def compared(place: Path) -> Seen:
     """Run the command."""
     environment = {key: value for key, value in os.environ.items() if key != "HENON_REF_CACHE_DIR"}
     done = subprocess.run(
-        [*COMMAND, "leaving.yaml", "--solvers", "henon", "--repeats", "1", "--no-figures", "--out", "out"],
+        [*COMMAND, "leaving.yaml", "--solvers", "henon", "--tolerances", "1e-6", "--repeats", "1", "--no-figures"],
         env={**environment, "XDG_CACHE_HOME": str(place / "cache")},
         cwd=place,
         capture_output=True,
         text=True,
         check=True,
     )
-    with (place / "out" / "leaving" / "runs.csv").open(newline="") as file:
+    with (place / "out" / "leaving_slide" / "runs.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     told = [line for line in done.stderr.splitlines() if not line.startswith(PROGRESS)]
     return {key: row[key] for key in SAME}, told

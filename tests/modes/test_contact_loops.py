@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 import sympy as sp
-from contact_scenes import ALL_LIBRARIES, HEAD, LIBRARIES, scene
+from contact_scenes import ALL_LIBRARIES, LIBRARIES, scene
 from flint import ctx
 from multiprecision import simulate
 from often import daily
+from problems import HEAD, read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.harness.registry import solver
@@ -178,7 +178,7 @@ until: 5
     ],
 )
 def test_surfaces_of_a_system_that_depend_on_each_other_are_a_loop(surface: str, fields: str, mode: object) -> None:
-    problem = parse_case(HEAD + SYSTEM.format(surface=surface, fields=fields)).readings[0].problem
+    problem = read_problem(SYSTEM.format(surface=surface, fields=fields))
     run, truth = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
     assert [(t.to_mode, t.time) for t in run.transitions] == [(mode, pytest.approx(1.5, abs=1e-13))] * 2
     assert [(e.after, float(e.time)) for e in truth.events] == [(mode, pytest.approx(1.5, abs=1e-30))]
@@ -188,7 +188,7 @@ def test_signs_written_in_a_field_are_a_loop() -> None:
     """With a drag beside the friction: its kink is one of the same argument, and is continuous."""
     fields = '"t - sign(v) - sign(v - w)/2 - v*abs(v)", "-sign(w) + sign(v - w)/2"'
     text = f"system:\n  state: [v, w]\n  field: [{fields}]\ninitial: {{t: 0, v: 0, w: 0}}\nuntil: 2\n"
-    problem = parse_case(HEAD + text).readings[0].problem
+    problem = read_problem(text)
     run, truth = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
     assert [(t.to_mode, t.time) for t in run.transitions] == [((1, 1, 0), pytest.approx(1.5, abs=1e-13))] * 2
     assert [e.after for e in truth.events] == [(1, 1, 0)]
@@ -198,7 +198,7 @@ def test_kinks_that_depend_on_each_other_are_no_contacts() -> None:
     """Drags between three bodies at rest: nothing slides, and nothing moves."""
     fields = '"-v*abs(v) - (v - w)*abs(v - w)", "-w*abs(w) - (w - v)*abs(v - w)"'
     text = f"system:\n  state: [v, w]\n  field: [{fields}]\ninitial: {{t: 0, v: 0, w: 0}}\nuntil: 2\n"
-    problem = parse_case(HEAD + text).readings[0].problem
+    problem = read_problem(text)
     assert not problem.system.overrides
     run, truth = solver("henon").prepare(problem, rtol=1e-13)(), simulate(problem, 256)
     assert (run.status, run.transitions, truth.status, truth.events) == ("ok", (), "ok", [])
@@ -206,7 +206,7 @@ def test_kinks_that_depend_on_each_other_are_no_contacts() -> None:
 
 def test_signs_that_are_no_force_and_counterforce_are_refused_with_their_surfaces() -> None:
     """u pushes v and not w: no friction of one body on another."""
-    problem = parse_case(HEAD + SYSTEM.format(surface="v - w", fields='"t - s - u", "-r"')).readings[0].problem
+    problem = read_problem(SYSTEM.format(surface="v - w", fields='"t - s - u", "-r"'))
     words = r"the surfaces of s, r, u depend on each other, and their signs do not act as action and reaction"
     truth = simulate(problem, 256)
     for run in [*(solver(name).prepare(problem, **options)() for name, options, _ in LIBRARIES), truth]:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import sympy as sp
 from often import daily
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.integrator.integrator import Integrator
 from henon_ref.integrator.mode_code import switched_mode_code
 from henon_ref.integrator.run import Run
@@ -25,11 +25,6 @@ from henon_ref.trajectory import Decisions
 def scene(bodies: str, connections: list[str], initial: str, parameters: str = "{}") -> FilippovSystem:
     lines = "".join(f"    - {each}\n" for each in connections)
     text = f"""
-schema: 1
-name: row
-title: Contacts that act on each other
-source: made up
-equations: m a = sum of forces
 scene:
   parameters: {parameters}
   bodies: {bodies}
@@ -37,7 +32,7 @@ scene:
 {lines}initial: {initial}
 until: 20
 """
-    return parse_case(text).readings[0].problem.system
+    return read_problem(text).system
 
 
 def stack(count: int, *, law: str = "law: coulomb") -> FilippovSystem:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import sympy as sp
 from multiprecision import multiprecision, simulate
-from problems import make_problem
+from problems import make_problem, read_problem
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import load_case, parse_case
@@ -36,10 +36,8 @@ LIBRARIES = [
     ("cvode-bdf", {"rtol": 1e-10}, 1e-5),
     ("ida", {"rtol": 1e-10}, 1e-5),
 ]
+# One block of near_ties alone.
 BLOCK = """\
-schema: 1
-name: block
-title: One block of near_ties alone
 system:
   state: [x, v]
   parameters: {{F: 1, d: {d}, vp: 0.2}}
@@ -61,12 +59,11 @@ def chain_text(until: str, blocks: int = 4, law: str = "coulomb") -> str:
     lines += [f"    - friction: {{between: [{b}, floor], law: {law}, force: Fk, static: Fs}}" for b in names]
     starts = ["0.05", "-0.03", "0.08", "-0.06", "0.01"]
     initial = ", ".join(f"x_{b}: {x}, v_{b}: 0" for b, x in zip(names, starts, strict=False))
-    head = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e"
-    return "\n".join([head, *lines, f"initial: {{t: 0, {initial}}}", f"until: {until}", ""])
+    return "\n".join([*lines, f"initial: {{t: 0, {initial}}}", f"until: {until}", ""])
 
 
 def static_chain(until: str) -> Problem:
-    return parse_case(chain_text(until)).readings[0].problem
+    return read_problem(chain_text(until))
 
 
 def chain() -> Problem:
@@ -75,14 +72,11 @@ def chain() -> Problem:
 
 def system(field: list[str], surfaces: str = "{s: v, u: w}") -> FilippovSystem:
     text = f"""\
-schema: 1
-name: any
-title: any
 system: {{state: [x, v, y, w], surfaces: {surfaces}, field: {field}}}
 initial: {{t: 0, x: 0, v: 1, y: 0, w: 1}}
 until: 1
 """
-    return parse_case(text.replace("'", '"')).readings[0].problem.system
+    return read_problem(text.replace("'", '"')).system
 
 
 def run(problem: Problem) -> tuple[Trajectory, Integrator]:
@@ -179,7 +173,7 @@ def test_two_blocks_move_as_each_would_alone(apart: str) -> None:
     assert base.system.surfaces == problem.system.surfaces
     both, _ = run(problem)
     for index, own in enumerate(("0", apart)):
-        alone, _ = run(parse_case(BLOCK.format(d=own)).readings[0].problem)
+        alone, _ = run(read_problem(BLOCK.format(d=own)))
         mine = [t for t in both.transitions if t.surface == index]
         assert [t.kind for t in mine] == [t.kind for t in alone.transitions]
         assert len(mine) == 5
@@ -277,4 +271,4 @@ def test_conditioning_of_a_chain_is_that_of_its_modes_one_by_one(monkeypatch: py
 )
 def test_static_friction_on_each_other_has_no_common_equations(change: tuple[str, str]) -> None:
     assert static_chain("1").system.shared is not None
-    assert parse_case(chain_text("1").replace(*change)).readings[0].problem.system.shared is None
+    assert read_problem(chain_text("1").replace(*change)).system.shared is None

@@ -12,8 +12,8 @@ import pytest
 import sympy as sp
 from flint import arb, ctx
 from multiprecision import simulate
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.harness.registry import solver
@@ -22,7 +22,6 @@ from henon_ref.modes.mode_evaluation import in_doubles
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import initial_mode
 
-HEAD = "schema: 1\nname: chain\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [("scipy-dop853", {"rtol": 1e-12}, 1e-9), ("heyoka", {"rtol": 1e-16}, 1e-12)]
 
 
@@ -38,7 +37,7 @@ def chain(starts: tuple[str, ...], until: str, coupling: str, speed: str = "0.2"
     lines += [f"    - friction: {{between: [{b}, belt], law: coulomb, force: Fk, static: Fs}}" for b in blocks]
     initial = ", ".join(f"x_{b}: {x}, v_{b}: vb" for b, x in zip(blocks, starts, strict=True))
     text = "\n".join([*lines, f"initial: {{t: 0, {initial}}}", f"until: {until}"])
-    return parse_case(HEAD + text + "\n").readings[0].problem
+    return read_problem(text + "\n")
 
 
 def test_blocks_stick_slide_and_let_go_in_any_combination() -> None:
@@ -93,7 +92,7 @@ def test_a_block_that_stops_on_another_one_at_rest_holds_until_its_load_is_stati
     lines = ["scene:", "  bodies: {a: {mass: 1}, b: {mass: 1}, belt: {velocity: 0.114}}", "  connections:"]
     lines += [f"    - {one}" for one in connections]
     lines += ["initial: {x_a: 0, v_a: 0.3, x_b: 0, v_b: 0.5}", "until: 5", ""]
-    problem = parse_case(HEAD + "\n".join(lines)).readings[0].problem
+    problem = read_problem("\n".join(lines))
     made = problem.system.equations((0, 0))
     speeds = {problem.system.states[1], problem.system.states[3]}
     assert (made.field[1], made.field[3]) == (0, 0)
@@ -113,10 +112,7 @@ def test_more_blocks_than_are_tried_exhaustively_are_searched() -> None:
 
 def test_friction_without_a_static_limit_on_friction_without_one_on_a_held_block() -> None:
     """Before, the equations kept a sign: the first contact without a static limit is told by the second one's."""
-    text = """schema: 1
-name: chain
-title: t
-scene:
+    text = """scene:
   bodies: {wall: fixed, a: {mass: 1}, b: {mass: 2}, c: {mass: 3}}
   connections:
     - friction: {between: [a, wall], law: coulomb, force: 4, static: 5}
@@ -126,7 +122,7 @@ scene:
 initial: {x_a: 0, v_a: 0, x_b: 0, v_b: 0, x_c: 0, v_c: 0}
 until: 3
 """
-    run = solver("henon").prepare(parse_case(text).readings[0].problem, rtol=1e-12)()
+    run = solver("henon").prepare(read_problem(text), rtol=1e-12)()
     assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", 2, (0, 0, -1))], run.reason
     assert run.transitions[0].time == pytest.approx(1, abs=1e-12)
     assert run.end_state[5] == pytest.approx(2 / 3, abs=1e-12)  # of (t - 1)/3

@@ -9,13 +9,13 @@ from itertools import pairwise
 
 import pytest
 import sympy as sp
-from contact_scenes import ALL_LIBRARIES, HEAD, LIBRARIES, scene
+from contact_scenes import ALL_LIBRARIES, LIBRARIES, scene
 from flint import arb, ctx
 from multiprecision import simulate
 from often import daily
+from problems import read_problem
 from random_stacks import runs
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.errors import ModelError
@@ -155,7 +155,7 @@ def test_a_group_at_rest_on_a_kink_holds_beside_it() -> None:
 initial: {t: 0, x_a: 0, v_a: 0, x_b: 0, v_b: 0}
 until: 3
 """
-    problem = parse_case(HEAD + text).readings[0].problem
+    problem = read_problem(text)
     for name, options, bound in LIBRARIES:
         run = solver(name).prepare(problem, **options)()
         assert [t.to_mode for t in run.transitions] == [(0, 1, 1)], (name, run.reason)
@@ -186,7 +186,7 @@ until: 0.5
 )
 def test_a_block_between_drives_that_pull_apart(power: int, wall: str, belt: str, mode: tuple[int, int]) -> None:
     """They part with the acceleration 0.35, or from none: then the first derivative tells that is not zero."""
-    problem = parse_case(HEAD + MIXED.format(power=power, wall=wall, belt=belt)).readings[0].problem
+    problem = read_problem(MIXED.format(power=power, wall=wall, belt=belt))
     runs = [solver(name).prepare(problem, **options)() for name, options, _ in LIBRARIES]
     speed = -0.35 * 0.5**power if mode[0] else 0.0
     for run in runs:

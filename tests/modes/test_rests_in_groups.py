@@ -10,9 +10,9 @@ import sympy as sp
 from contact_scenes import scene
 from flint import ctx
 from multiprecision import simulate
+from problems import read_problem
 
 import henon_ref as hr
-from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.balls import enclose
 from henon_ref.enclosure.run import certify
 from henon_ref.harness.registry import solver
@@ -169,9 +169,6 @@ def test_the_proof_sees_it_where_no_two_surfaces_are_reached_at_once(case: str) 
 
 
 HAND = """\
-schema: 1
-name: rest
-title: t
 system:
   state: [x, v, u]
   surfaces: {g: 2*x, s: v - u}
@@ -192,7 +189,7 @@ sliding:
 
 def test_a_surface_of_a_system_that_a_body_rests_on_beside_friction() -> None:
     """In the unit of 2 x, and without static friction: u goes with t - 3 from t = 3 on."""
-    problem = parse_case(HAND.replace("SLIDING\n", "")).readings[0].problem
+    problem = read_problem(HAND.replace("SLIDING\n", ""))
     for name in ("henon", "scipy-dop853"):
         run = solver(name).prepare(problem, rtol=1e-12)()
         assert [(t.kind, t.surface, t.to_mode) for t in run.transitions] == [("release", 1, (0, -1))], run.reason
@@ -201,7 +198,7 @@ def test_a_surface_of_a_system_that_a_body_rests_on_beside_friction() -> None:
 
 
 def test_a_sliding_written_by_hand_does_not_say_what_a_reaction_adds_to_its_load() -> None:
-    problem = parse_case(HAND.replace("SLIDING\n", SLIDING)).readings[0].problem
+    problem = read_problem(HAND.replace("SLIDING\n", SLIDING))
     run = solver("henon").prepare(problem, rtol=1e-12)()
     assert run.status == "failed"
     assert "the effect of the reaction on a body at rest on the load of s is unknown" in run.reason

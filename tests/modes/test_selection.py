@@ -8,17 +8,21 @@ from typing import Any
 
 import pytest
 import sympy as sp
+from flint import ctx
 from problems import make_problem
 from runs import kinds, run
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.expressions.bounds import exact_sign
 from henon_ref.harness import registry
+from henon_ref.harness.truth.multiprecision.points import SeriesEvaluation
 from henon_ref.modes import mode_evaluation
 from henon_ref.modes.arithmetic import DOUBLES
+from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import CLEAR, sign_after
 from henon_ref.modes.mode_evaluation import in_doubles
+from henon_ref.modes.problem import Problem
 from henon_ref.modes.selection import after_event, contact_orders, initial_mode
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.series import expand
@@ -27,8 +31,16 @@ X, S = sp.symbols("x s", real=True)
 
 
 def decide(field: list[str], initial: list[str | int], states: str = "x", surfaces: dict[str, str] | None = None):
-    problem = make_problem(states, field, surfaces or {"s": "x"}, initial, 1)
-    return initial_mode(in_doubles(problem.system).at_start(problem), problem)
+    return decided(make_problem(states, field, surfaces or {"s": "x"}, initial, 1))
+
+
+def decided(problem: Problem) -> Decision:
+    """In doubles; in balls it is the same."""
+    decision = initial_mode(in_doubles(problem.system).at_start(problem), problem)
+    with ctx.workprec(160):
+        in_balls = initial_mode(SeriesEvaluation(problem.system, 128).at_start(problem), problem)
+    assert (in_balls.status, in_balls.mode) == (decision.status, decision.mode)
+    return decision
 
 
 def test_attracting_repelling_and_crossing() -> None:
@@ -88,7 +100,7 @@ def test_a_given_mode_settles_an_open_start_and_a_wrong_one_is_refused() -> None
     problem = make_problem("x", ["s"], {"s": "x"}, [0], 1)
     given = replace(problem, initial_mode={0: 1})
     wrong = replace(problem, initial=(sp.Integer(2),), initial_mode={0: -1})
-    right, refused = (initial_mode(in_doubles(own.system).at_start(own), own) for own in (given, wrong))
+    right, refused = decided(given), decided(wrong)
     assert (right.mode, refused.status) == ((1,), "invalid")
 
 

@@ -7,16 +7,14 @@ from math import cos, sin, sqrt
 import pytest
 import sympy as sp
 from multiprecision import simulate, transitions
+from problems import read_problem
 
 import henon_ref as hr
-from henon_ref.casefile.case import parse_case
 from henon_ref.enclosure.run import certify
 from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of
-
-HEAD = "schema: 1\nname: limit\ntitle: t\nsource: s\nequations: e\n"
 
 
 def pulled(force: str) -> Problem:
@@ -29,7 +27,7 @@ def pulled(force: str) -> Problem:
 initial: {{x_block: 0, v_block: 0}}
 until: 2
 """
-    return parse_case(HEAD + text).readings[0].problem
+    return read_problem(text)
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -126,7 +124,7 @@ def given(first: str, second: str, parameters: str = "{a: 0.2, b: 0.2}") -> Prob
 initial: {{x_m: 1.2, v_m: 0.2}}
 until: 4
 """
-    return parse_case(HEAD + text).readings[0].problem
+    return read_problem(text)
 
 
 @pytest.mark.parametrize(
@@ -170,4 +168,4 @@ initial: {x_m: 1.2, v_m: 0.2}
 until: 4
 """
     with pytest.raises(CaseError, match="has no effect: both are fixed"):
-        parse_case(HEAD + text)
+        read_problem(text)

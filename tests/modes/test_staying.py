@@ -6,12 +6,12 @@ import math
 
 import pytest
 from multiprecision import multiprecision
+from problems import HEAD, read_problem
 
 import henon_ref as hr
-from henon_ref.casefile.case import Case, parse_case
+from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.compute import compute
-from henon_ref.modes.problem import Problem
 
 SOLVERS = pytest.mark.parametrize("name", ["henon", "henon-rk4", "scipy-dop853", "cvode-bdf@offset"])
 """CVODE by itself takes a guard that begins at zero, and stays there, out of play: it is lifted."""
@@ -29,14 +29,6 @@ scene:
 initial: {{x_a: 0, v_a: 0}}
 until: 2
 """
-
-
-def case(text: str) -> Case:
-    return parse_case(f"schema: 1\nname: staying\ntitle: Staying\n{text}")
-
-
-def problem(text: str) -> Problem:
-    return case(text).readings[0].problem
 
 
 STOP = "stop: {between: [a, wall], gap: 0, stiffness: 1}"
@@ -70,7 +62,7 @@ def settings(name: str) -> dict[str, float]:
 @SOLVERS
 @pytest.mark.parametrize("text", AT_REST)
 def test_rest_on_a_kink_is_no_event(name: str, text: str) -> None:
-    run = solver(name).prepare(problem(text), **settings(name))()
+    run = solver(name).prepare(read_problem(text), **settings(name))()
     assert (run.status, len(run.transitions), run.end_time) == ("ok", 0, 2)
     assert run.end_state == (0, 0)
 
@@ -81,7 +73,7 @@ def test_a_kink_is_left_as_soon_as_something_pushes(
     name: str, text: str, x: float, v: float, surfaces: list[int]
 ) -> None:
     """The kink is crossed where it is left to the other side than that of the sign +1, which it rests with."""
-    run = solver(name).prepare(problem(text), **settings(name))()
+    run = solver(name).prepare(read_problem(text), **settings(name))()
     assert run.status == "ok"
     assert sorted(t.surface for t in run.transitions) == surfaces
     assert {t.kind for t in run.transitions} == {"crossing"}
@@ -92,14 +84,14 @@ def test_a_kink_is_left_as_soon_as_something_pushes(
 @pytest.mark.parametrize("text", AT_REST)
 def test_the_truth_rests_too(text: str) -> None:
     pytest.importorskip("heyoka")  # the proof alone goes no further than it can certify
-    own = case(text)
+    own = parse_case(HEAD + text)
     found = compute(own, own.readings[0])
     assert (found.status, found.transitions, float(found.end_digits)) == ("ok", (), 2)
 
 
 @pytest.mark.parametrize(("text", "x", "v", "surfaces"), LEFT)
 def test_the_multiprecision_route_leaves_as_the_solvers_do(text: str, x: float, v: float, surfaces: list[int]) -> None:
-    found = multiprecision(problem(text))
+    found = multiprecision(read_problem(text))
     assert found.status == "ok"
     assert sorted(t.surface for t in found.transitions) == surfaces
     assert all(float(t.time_digits) == 1 for t in found.transitions)
@@ -116,7 +108,7 @@ def test_what_moves_along_a_kink_goes_on(name: str) -> None:
     """
     rate = f"1 + 2*max(0, {MOVING}) - max(0, -({MOVING}))"
     text = f'system: {{state: [x], field: ["{rate}"]}}\ninitial: {{x: 1/10}}\nuntil: 2\n'
-    run = solver(name).prepare(problem(text), **settings(name))()
+    run = solver(name).prepare(read_problem(text), **settings(name))()
     assert run.status == "ok"
     assert run.end_state == pytest.approx((2.1,), abs=1e-9)
     assert name != "henon" or not run.transitions
@@ -128,14 +120,14 @@ JUMP = 'system: {state: [x, y], field: ["0", "piecewise(1, x > 0, 2)"]}\ninitial
 
 @SOLVERS
 def test_where_the_field_jumps_along_the_motion_the_future_is_not_unique(name: str) -> None:
-    run = solver(name).prepare(problem(JUMP), **settings(name))()
+    run = solver(name).prepare(read_problem(JUMP), **settings(name))()
     assert run.status == "nonunique"
     assert run.reason.startswith("the future is not unique at t = 0: kink1=-1 or kink1=+1")
 
 
 def test_the_truth_says_so_too() -> None:
     pytest.importorskip("heyoka")  # the proof alone goes no further than it can certify
-    own = case(JUMP)
+    own = parse_case(HEAD + JUMP)
     found = compute(own, own.readings[0])
     assert (found.status, found.reason) == ("nonunique", "the future is not unique at t = 0: kink1=-1 or kink1=+1")
 
@@ -172,7 +164,7 @@ LATER = "force: {on: a, value: 'max(0, t - 1)'}"
 def test_a_body_at_rest_on_a_stop_beside_a_kink_rests_until_it_is_lifted(
     name: str, connections: str, lifts: bool
 ) -> None:
-    own = problem(scene(connections))
+    own = read_problem(scene(connections))
     found = multiprecision(own) if name == "multiprecision" else solver(name).prepare(own, rtol=1e-10)()
     told = [(t.kind, t.time) for t in found.transitions if t.surface == 0]
     assert (found.status, found.reason) == ("ok", "")
@@ -185,7 +177,7 @@ def test_a_body_comes_to_rest_on_a_stop_while_another_one_rests_on_a_kink(name: 
     text = text.replace("a: {mass: 1}", "a: {mass: 1}, b: {mass: 1}").replace(
         "{x_a: 0, v_a: 0}", "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}"
     )
-    found = solver(name).prepare(problem(text), rtol=1e-10)()
+    found = solver(name).prepare(read_problem(text), rtol=1e-10)()
     last = found.transitions[-1]
     assert (found.status, last.kind, last.surface, found.end_mode[0]) == ("ok", "stick", 0, 0)
     assert last.time == pytest.approx(3 * math.sqrt(2), abs=1e-8)

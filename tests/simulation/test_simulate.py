@@ -312,3 +312,27 @@ def test_what_is_missing_is_named(arguments, words) -> None:
 def test_a_masked_value_is_no_initial_value() -> None:
     with pytest.raises(hr.ArgumentError, match=r"'initial' is \[1.0 --\]; wanted a number for each of x, v"):
         hr.simulate(OSCILLATOR, np.ma.array([1.0, 0.0], mask=[False, True]), until=1)
+
+
+def test_a_law_of_exponentials_is_the_same_in_any_unit() -> None:
+    """A belt and a block in metres and in a unit of which a metre is 1e12: the same times."""
+    times = []
+    for unit in ("1", "1e-12"):
+        system = hr.System(["x", "v"], {"u": unit}, {"s": "v - u/5"}, ["v", "-x - s*u*exp(-abs(v - u/5)/(u/2))"])
+        run = hr.simulate(system, {"x": "3*u/2", "v": 0}, until=40, rtol=1e-10)
+        assert run.success
+        times.append(run.transitions["time_s"])
+    assert len(times[0]) == len(times[1]) > 5
+    assert abs(times[0] - times[1]).max() < 1e-12
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-7, 1e-10])
+@pytest.mark.parametrize("load", ["max(0, sin(t))", "sin(t)*(1 + n)/2"])
+def test_a_contact_whose_load_returns_from_zero_holds_again(load: str, rtol: float) -> None:
+    """The block stops in the second half wave of the load, where 0.3 (3 - cos t) = 1; then no force acts on it."""
+    block = hr.System(["x", "v"], {}, {"s": "v", "n": "sin(t)"}, ["v", f"-0.3*s*{load}"])
+    run = hr.simulate(block, {"x": 0, "v": 1}, until=40, rtol=rtol)
+    assert run.success, run.message
+    changes = run.transitions[run.transitions["surface"] == "s"]
+    assert changes["kind"].tolist() == ["stick"]
+    assert changes["time_s"].iloc[0] == pytest.approx(2 * math.pi + math.acos(-1 / 3), abs=10 * rtol)

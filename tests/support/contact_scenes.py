@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import pytest
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.modes.problem import Problem
 
-HEAD = "schema: 1\nname: contacts\ntitle: t\nsource: s\nequations: e\n"
 LIBRARIES = [
     ("henon", {"rtol": 1e-13}, 1e-12),
     ("henon-rk4", {"step": 1e-3}, 1e-9),
@@ -44,5 +43,4 @@ def scene(
     lines += [f'    - force: {{on: {b}, value: "{f}"}}' for b, f in forces.items()]
     states = [f"{x}_{b}" for b, given in bodies.items() if "mass" in given for x in "xv"]
     values = ", ".join(f"{state}: {initial.get(state, '0')}" for state in states)
-    text = HEAD + "\n".join([*lines, f"initial: {{t: {start}, {values}}}", f"until: {until}", ""])
-    return parse_case(text).readings[0].problem
+    return read_problem("\n".join([*lines, f"initial: {{t: {start}, {values}}}", f"until: {until}", ""]))

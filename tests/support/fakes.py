@@ -7,9 +7,10 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
-from jobs import Act, burn, grandchild, send_all
+from jobs import burn, send_all
 
 from henon_ref.casefile.case import Case, parse_case
 from henon_ref.errors import UnsupportedError
@@ -133,7 +134,7 @@ class Fake:
             if self.log:
                 with open(self.log, "a", encoding="utf-8") as file:
                     file.write(f"{self.name} {error:g}\n")
-            return _BEHAVIOURS[self.what](error, deadline)
+            return _behaviour(self.what)(error, deadline)
 
         return run
 
@@ -177,10 +178,6 @@ def _stops(error: float, deadline: float) -> Trajectory:
     return trajectory(found(error=error)[:3], "timeout", end_time=2.5, reason="stopped after the deadline")
 
 
-def _gives_up(error: float, deadline: float) -> Trajectory:
-    return trajectory((), "failed", end_time=0.25, reason="the budget of 3 right-hand sides was spent by t = 0.25")
-
-
 def _chatters(error: float, deadline: float) -> Trajectory:
     """Many spurious transitions at a loose tolerance; right at other tolerances."""
     if error < 1e-4:
@@ -188,11 +185,6 @@ def _chatters(error: float, deadline: float) -> Trajectory:
     first, second = found()[:2]
     false = [replace((second, first)[k % 2], time=1.25 + 0.001 * k) for k in range(1, 9)]
     return trajectory((first, second, *false), "timeout", end_time=1.3, reason="stopped after the deadline")
-
-
-def _slow(error: float, deadline: float) -> Trajectory:
-    time.sleep(0.5)
-    return _right(error, deadline)
 
 
 def _answers(error: float, deadline: float) -> int:
@@ -215,41 +207,8 @@ def _compiles(error: float, deadline: float) -> Trajectory:
     return _right(error, deadline)
 
 
-def _act(what: str) -> Callable[[float, float], Trajectory]:
-    """Does what a hostile job does, then returns the right answer if it still can."""
-
-    def run(error: float, deadline: float) -> Trajectory:
-        getattr(Act(what, notes=os.devnull), f"do_{what}")(None)
-        return _right(error, deadline)
-
-    return run
-
-
-def _forks(error: float, deadline: float) -> Trajectory:
-    """The forked child also returns, late, with a wrong answer."""
-    if os.fork() == 0:
-        time.sleep(0.5)
-        return _right(0.1, deadline)
-    return _right(error, deadline)
-
-
-def _forges(error: float, deadline: float) -> Trajectory:
-    child = os.fork()
-    if child == 0:
-        send_all(b"\0" * 100)
-        os._exit(0)
-    os.waitpid(child, 0)
-    return _right(error, deadline)
-
-
-def _prints_much(error: float, deadline: float) -> Trajectory:
-    for _ in range(100):
-        os.write(1, b"x" * 2**16)
-    return _right(error, deadline)
-
-
-def _leaves_a_daemon(error: float, deadline: float) -> Trajectory:
-    grandchild(lambda: time.sleep(60))
+def _sends_stray_bytes(error: float, deadline: float) -> Trajectory:
+    send_all(b"\0\0\0\x04")
     return _right(error, deadline)
 
 
@@ -264,39 +223,12 @@ def _numpy(error: float, deadline: float) -> Trajectory:
     return trajectory(events, counts=Counts(*np.array([10, 40, 20])), end_state=np.zeros(1), end_mode=np.ones(1, int))
 
 
-_BEHAVIOURS: dict[str, Callable[[float, float], Trajectory]] = {
-    "right": _right,
-    "misses": _misses,
-    "raises": _raises,
-    "hangs": _hangs,
-    "crashes": _crashes,
-    "stops": _stops,
-    "gives up": _gives_up,
-    "chatters": _chatters,
-    "slow": _slow,
-    "raises later": _once(_raises),
-    "crashes later": _once(_crashes),
-    "hangs later": _once(_hangs),
-    "misses later": _once(_misses),
-    "stops later": _once(_stops),
-    "answers later": _once(_answers),
-    "answers": _answers,
-    "burns": _burns,
-    "sleeps": _sleeps,
-    "compiles": _compiles,
-    "stops itself": _act("stop"),
-    "prints": _act("print"),
-    "crashes beside a child": _act("crash_while_a_child_holds_the_way"),
-    "sends stray bytes": _act("stray"),
-    "sends stray bytes later": _once(_act("stray")),
-    "sends done": _act("stray_done"),
-    "allocates elsewhere": _act("eat_elsewhere"),
-    "uses a pool": _act("pool"),
-    "forks": _forks,
-    "forges": _forges,
-    "prints much": _prints_much,
-    "leaves a daemon": _leaves_a_daemon,
-    "numpy": _numpy,
-}
+@cache
+def _behaviour(what: str) -> Callable[[float, float], Trajectory]:
+    """What a function above is named; of "raises later" the first run of a worker at each setting is right."""
+    name = what.removesuffix(" later")
+    act = globals()[f"_{name.replace(' ', '_')}"]
+    return act if name == what else _once(act)
+
 
 SOUND = Fake("sound")

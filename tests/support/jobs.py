@@ -193,11 +193,6 @@ class Act:
         os.write(2, b"the end\n")
         os.abort()
 
-    def do_crash_while_a_child_holds_the_way(self, state):
-        if os.fork() == 0:
-            time.sleep(60)
-        os.kill(os.getpid(), signal.SIGSEGV)
-
     def do_raise(self, state):
         raise ValueError("bad\n  value")
 
@@ -277,6 +272,10 @@ class Act:
 
     def do_print(self, state):
         while True:
+            os.write(1, b"x" * 2**16)
+
+    def do_print_much(self, state):
+        for _ in range(100):
             os.write(1, b"x" * 2**16)
 
     def do_pool(self, state):

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import sympy as sp
 
+from henon_ref.casefile.case import parse_case
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
@@ -37,6 +38,15 @@ def make_problem(
         valid=tuple(expression(v) for v in valid),
     )
     return Problem(system, expression(start), tuple(expression(v) for v in initial), expression(until), mode or {})
+
+
+HEAD = "schema: 1\nname: made_up\ntitle: Made up\n"
+"""What a case file begins with."""
+
+
+def read_problem(text: str) -> Problem:
+    """The problem of a case file, without its head."""
+    return parse_case(HEAD + text, file="case.yaml").readings[0].problem
 
 
 LEAVING_SLIDE = """

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import sys
 
-import sympy as sp
-
 from henon_ref.baselines.protocol.messages import VERSION, Request
 from henon_ref.baselines.protocol.problem_text import problem_text
 from henon_ref.baselines.protocol.program import ProgramSolver
+from henon_ref.casefile.case import parse_case
 from henon_ref.modes.problem import Problem
-from henon_ref.modes.system import FilippovSystem
 
 PRELUDE = "import json, os, sys, time; request = json.load(sys.stdin); "
 FINE = {
@@ -25,11 +23,22 @@ FINE = {
 """A right response to :func:`ramp`."""
 
 
+RAMP = """
+schema: 1
+name: ramp
+title: A state that crosses zero once
+source: none
+system: {state: [x], surfaces: {s: x}, field: ["1"]}
+initial: {t: 0, x: -1}
+until: 2
+exact: {transition_times: ["1"]}
+tolerances: [1e-6]
+"""
+
+
 def ramp() -> Problem:
     """x' = 1 from -1 to t = 2: one crossing of x = 0, at t = 1."""
-    x, s = sp.symbols("x s", real=True)
-    system = FilippovSystem((x,), (s,), (x,), (sp.Integer(1),))
-    return Problem(system, sp.Integer(0), (sp.Integer(-1),), sp.Integer(2))
+    return parse_case(RAMP).readings[0].problem
 
 
 def request(problem: Problem | None = None, **changes: object) -> Request:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,8 +25,6 @@ STACK = """\
 schema: 1
 name: stack
 title: Two blocks on a floor
-source: random numbers
-equations: m a = sum of forces
 scene:
   parameters: {m: 1, Fs: 2, Fk: 1, Gs: 2, Gk: 1, A: 1, u: 1, B: 1, w: 1}
   bodies: {a: {mass: 1}, b: {mass: m}, floor: fixed}
@@ -42,16 +41,7 @@ NUMBER, SEED, SECONDS = 316, 34, 20.0
 
 def stack() -> FilippovSystem:
     """The stack without values of its parameters."""
-    system = parse_case(STACK).readings[0].problem.system
-    return FilippovSystem(
-        system.states,
-        system.signs,
-        system.surfaces,
-        system.field,
-        {},
-        overrides=system.overrides,
-        effects=system.effects,
-    )
+    return replace(parse_case(STACK).readings[0].problem.system, parameters={})
 
 
 def draws(number: int, seed: int, seconds: float) -> Iterator[tuple[dict[str, float], tuple[float, float], Run]]:

@@ -1,4 +1,4 @@
-"""Systems with known solutions, written as `FilippovSystem` objects, for the tests of any solver.
+"""Systems with known solutions, for the tests of any solver: cases of the suite, and some as `FilippovSystem` objects.
 
 Sources and closed forms stand with each; numbers are exact. Each is built once: deriving the equations of its
 modes costs more than most runs.
@@ -6,9 +6,11 @@ modes costs more than most runs.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import sympy as sp
+from shipped import CASES, read
 
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.switched_field import Release, SlidingOverride
@@ -22,6 +24,13 @@ X1, X2 = sp.symbols("x1 x2", real=True)
 def number(text: str | int) -> sp.Expr:
     """An exact number from its decimal digits."""
     return sp.Rational(str(text))
+
+
+@cache
+def of_case(name: str, until: str, reading: str = "") -> Problem:
+    """A reading of a case of the suite (the first one) up to some horizon."""
+    case = read(CASES / f"{name}.yaml")
+    return replace((case.reading(reading) if reading else case.readings[0]).problem, until=number(until))
 
 
 @cache
@@ -60,16 +69,12 @@ def at_rest_for_good() -> Problem:
     return Problem(system, sp.Integer(0), (sp.Integer(-1),), sp.Integer(10))
 
 
-@cache
 def stribeck_belt(until: str = "40") -> Problem:
     """x'' + x = -sgn(v) / (1 + 3 abs(v)), v = x' - 0.2, from (1, 0.2) (Leine 1998).
 
     Slip 4.295999525480, stick 7.705031769350, period 12.001031294831.
     """
-    belt = number("0.2")
-    v = V - belt
-    system = FilippovSystem((X, V), (S,), (v,), (V, -X - S / (1 + 3 * S * v)))
-    return Problem(system, sp.Integer(0), (sp.Integer(1), belt), number(until))
+    return of_case("stribeck_belt", until)
 
 
 @cache
@@ -80,38 +85,19 @@ def rotating_crossing(until: str = "1.5") -> Problem:
     return Problem(system, sp.Integer(0), (sp.exp(-1), sp.Integer(0)), number(until))
 
 
-@cache
 def twisting(until: str = "4") -> Problem:
     """x1' = x2, x2' = -2 sgn x1 - sgn x2 from (0, 1.5): crossings accumulate at 3.2320508075688776 (Zeno)."""
-    upper, lower = sp.symbols("s1 s2", real=True)
-    system = FilippovSystem((X1, X2), (upper, lower), (X1, X2), (X2, -2 * upper - lower))
-    return Problem(system, sp.Integer(0), (sp.Integer(0), number("1.5")), number(until))
+    return of_case("classic/twisting", until)
 
 
-@cache
 def relay_feedback(until: str = "5") -> Problem:
     """x' = A x - B sgn x1 (di Bernardo, Johansson, Vasca 2001): first release at 2.812403376023301."""
-    w, z, g = sp.Integer(25), number("0.05"), sp.Integer(1)
-    x = sp.symbols("x1:4", real=True)
-    f = (
-        -(2 * z * w + 1) * x[0] + x[1] - S,
-        -(2 * z * w + w**2) * x[0] + x[2] + 2 * g * S,
-        -(w**2) * x[0] - S,
-    )
-    system = FilippovSystem(x, (S,), (x[0],), f)
-    return Problem(system, sp.Integer(0), (sp.Integer(0), number("-0.001"), number("-0.02")), number(until))
+    return of_case("classic/relay_feedback", until)
 
 
-@cache
-def three_blocks(until: str = "12") -> Problem:
+def three_blocks() -> Problem:
     """Three blocks with three contacts (Stewart 1996): several stick at once."""
-    q, v, s = sp.symbols("q1:4", real=True), sp.symbols("v1:4", real=True), sp.symbols("s1:4", real=True)
-    force = number("0.3")
-    pull = (-2 * q[0] + q[1] - v[0], q[0] - 2 * q[1] + q[2] - v[1], q[1] - q[2] - v[2])
-    field = (*v, *(p - force * sign for p, sign in zip(pull, s, strict=True)))
-    system = FilippovSystem((*q, *v), s, v, field)
-    start = tuple(sp.Integer(n) for n in (-1, 1, -1, -1, 1, 1))
-    return Problem(system, sp.Integer(0), start, number(until))
+    return of_case("classic/three_blocks", "12")
 
 
 @cache
@@ -126,33 +112,13 @@ def blow_up() -> Problem:
     return Problem(FilippovSystem((X,), (S,), (X + 1,), (X**2,)), sp.Integer(0), (sp.Integer(1),), sp.Integer(3))
 
 
-@cache
 def fig8(reading: str = "listing_limit", until: str = "70") -> Problem:
     """Fig. 8 of Olejnik and Awrejcewicz (2013), Eqs. (17)-(18).
 
     ``equations``: as stated, Filippov sliding. ``listing_limit``: what the appendix's listing computes as its
     step goes to 0: the slip field times 3, stick released where z rises through z* only, into s = -1.
     """
-    m, vp, friction, a, w = sp.symbols("m vp mu A w", real=True)
-    root = sp.sqrt(3)
-    parameters = {
-        m: number("0.1"),
-        vp: number("0.4"),
-        friction: root / 9,
-        a: 4 * root / 3 * sp.sin(sp.pi / 18),
-        w: 3 * sp.pi / 2 / number("1.2364"),
-    }
-    z = X1 - a * sp.sin(w * TIME)
-    v = X2 - vp
-    pull = (-z + z**3 - S * friction / (1 + S * v)) / m
-    tangent = 2 / root * sp.sin(sp.pi / 18)
-    start = (-tangent, number("0.4"))
-    if reading == "equations":
-        system = FilippovSystem((X1, X2), (S,), (v,), (X2, pull), parameters)
-        return Problem(system, sp.Integer(0), start, number(until))
-    hold = SlidingOverride((vp, sp.Integer(0)), (Release(z - tangent, "rising", -1),))
-    system = FilippovSystem((X1, X2), (S,), (v,), (3 * X2, 3 * pull), parameters, overrides={0: hold})
-    return Problem(system, sp.Integer(0), start, number(until), {0: 0})
+    return of_case("fig8", until, reading)
 
 
 @cache

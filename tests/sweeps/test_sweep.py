@@ -16,6 +16,7 @@ from henon_ref.simulation.simulate import simulate
 from henon_ref.simulation.system import System
 from henon_ref.sweeps.plan import planned
 from henon_ref.sweeps.sweep import sweep
+from henon_ref.sweeps.sweep_file import load_sweep
 
 
 def test_the_table_has_a_row_a_point_in_the_grids_order() -> None:
@@ -125,3 +126,17 @@ def test_a_state_called_as_a_column_of_the_result_is_refused() -> None:
     odd = System(["status"], {"F": 1}, {"s": "status"}, ["-F*s"])
     with pytest.raises(HenonRefError, match="status"):
         sweep(odd, {"status": 1}, until=5, grid={"status": [1]}, jobs=1)
+
+
+def test_a_system_without_surfaces_has_modes_without_names(tmp_path) -> None:
+    """x' = p: no mode to name, no stick to count; sweep.yaml is read back."""
+    drift = System(["x"], {"p": 1}, {}, ["p"])
+    observed = [hr.observe.final_state(), hr.observe.sticks(each=True)]
+    given = {"until": 2, "grid": {"p": [1, 2, 3]}, "observe": observed, "jobs": 1}
+    table = sweep(drift, {"x": 1}, out=tmp_path / "out", **given)
+    assert table["final_x"].tolist() == [3, 5, 7]
+    assert table["final_mode"].tolist() == ["", "", ""]
+    assert table["stick_count"].tolist() == [0, 0, 0]
+    assert list(table.frames["sticks"].columns) == ["point", "start_s", "duration_s", "surface"]
+    assert sweep(drift, {"x": 1}, out=tmp_path / "out", resume=True, **given).equals(table)
+    assert list(load_sweep(tmp_path / "out" / "sweep.yaml").tables) == ["points", "sticks"]

@@ -46,6 +46,7 @@ def test_a_range_has_both_its_ends() -> None:
         ({"a": {"from": 0, "to": 1}}, "from, to and count"),
         ({"a": {"from": 0, "to": 1, "count": 0}}, "count"),
         ({"a": {"from": 0, "to": float("nan"), "count": 3}}, "nan"),
+        ({"a": {"from": "x", "to": 1, "count": 3}}, r"\[from, to\] of 'a'.* is \['x', 1\]"),
     ],
 )
 def test_what_is_no_grid_is_refused(axes: dict[str, object], words: str) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 from multiprecision import multiprecision
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
 from henon_ref.modes.problem import Problem
@@ -17,9 +17,6 @@ from henon_ref.trajectory import Trajectory
 
 XA, VA, XB, VB, e = sp.symbols("x_a v_a x_b v_b e", real=True)
 TEXT = """\
-schema: 1
-name: stopped
-title: Masses before stops
 scene:
   parameters: {e: 1/2}
   bodies: {a: {mass: 2}, b: {mass: 3}, wall: fixed, table: {position: sin(2*t)}}
@@ -32,7 +29,7 @@ until: 3
 
 def problem(stop: str, initial: str = "{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", more: str = "") -> Problem:
     text = TEXT.replace("STOP", stop).replace("{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", initial) + more
-    return parse_case(text, file="case.yaml").readings[0].problem
+    return read_problem(text)
 
 
 def system(between: str) -> FilippovSystem:
@@ -78,9 +75,9 @@ def test_a_parameter_e_is_no_euler_number() -> None:
     written = head + '  state: [x, v]\n  surfaces: {s: "x"}\n  field: ["v", "-exp(0)"]\n'
     written += 'resets: {s: {map: {v: "-e*v"}}}\n' + tail.replace("{x_a: 1, v_a: 0, x_b: 0, v_b: 0}", "{x: 1, v: 0}")
     v = sp.Symbol("v", real=True)
-    assert parse_case(written).readings[0].problem.system.resets == {0: Reset({v: -e * v})}
+    assert read_problem(written).system.resets == {0: Reset({v: -e * v})}
     undeclared = written.replace("{e: 1/2}", "{r: 1/2}")
-    assert parse_case(undeclared).readings[0].problem.system.resets == {0: Reset({v: -sp.E * v})}
+    assert read_problem(undeclared).system.resets == {0: Reset({v: -sp.E * v})}
 
 
 @pytest.mark.parametrize(
@@ -132,7 +129,7 @@ def test_a_body_that_a_belt_drives_to_a_stop_rests_there_and_slides_on_the_belt(
     text = TEXT.replace("wall: fixed,", "wall: fixed, belt: {velocity: 3},").replace("until: 3", "until: 8")
     stop = """stop: {between: [wall, a], gap: -2, restitution: e}
     - friction: {between: [a, belt], law: coulomb, force: 1}"""
-    found = run(parse_case(text.replace("STOP", stop)).readings[0].problem, name)
+    found = run(read_problem(text.replace("STOP", stop)), name)
     # v' = 1/2 from 1 to 2 takes 2 s; with restitution 1/2 all flights take 2 (1 + 2 (1/2 + 1/4 + ...)) = 6 s.
     *impacts, last = found.transitions
     assert (found.status, {t.kind for t in impacts}, found.end_mode) == ("ok", {"reset"}, (0, -1))
@@ -148,9 +145,7 @@ def test_friction_that_turns_round_in_flight_presses_a_body_to_rest(name: str, s
     connections = f"""stop: {{between: [wall, a], gap: -2, restitution: {restitution}}}
     - friction: {{between: [a, wall], law: coulomb, force: 2{static}, name: rub}}
     - force: {{on: a, value: "6 - 2*max(0, t - 6)"}}"""
-    found = run(
-        parse_case(TEXT.replace("STOP", connections).replace("until: 3", "until: 12")).readings[0].problem, name
-    )
+    found = run(read_problem(TEXT.replace("STOP", connections).replace("until: 3", "until: 12")), name)
     # From 1 to 2 with (6 - 2)/2 takes 1 s. Thrown back with v it is slowed by (6 + 2)/2 and comes on with (6 - 2)/2: a
     # flight ends with v sqrt(1/2) and lasts v (1/4 + sqrt(1/8)). From 6 s on the force falls, at 9 s it is 0, and at 10
     # or 11 s it draws with more than friction holds.
@@ -200,10 +195,10 @@ def test_static_friction_holds_a_body_at_a_stop_against_what_draws_it_off(
         f"friction: {{between: {contact}, law: coulomb, force: 0.3, static: 0.7}}",
         f"stop: {{between: {stop}, restitution: 0}}",
     ]
-    head = "schema: 1\nname: held\ntitle: Held at a stop\nscene:\n  bodies: {a: {mass: 1}, wall: fixed}\n  connections:"
+    head = "scene:\n  bodies: {a: {mass: 1}, wall: fixed}\n  connections:"
     text = "\n    - ".join([head, *connections])
     start = "{x_a: 1, v_a: -2}" if away > 0 else "{x_a: 0, v_a: 2}"
-    own = parse_case(f"{text}\ninitial: {start}\nuntil: 8\n").readings[0].problem
+    own = read_problem(f"{text}\ninitial: {start}\nuntil: 8\n")
     run = solver(name).prepare(own, rtol=1e-12, atol=1e-12)()
     assert (run.status, run.reason) == ("ok", "")
     assert [t.kind for t in run.transitions] == ["stick", "reset", "stick", "release", "release"]
@@ -225,7 +220,7 @@ def test_kinetic_friction_holds_a_body_at_a_stop_whatever_way_its_contact_is_wri
     - friction: {{between: {contact}, law: {law}}}"""
     text = TEXT.replace("STOP", more).replace("{mass: 2}, b: {mass: 3},", "{mass: 1},")
     text = text.replace("x_a: 1, v_a: 0, x_b: 0, v_b: 0", "x_a: 1, v_a: -2").replace("until: 3", "until: 8")
-    found = run(parse_case(text).readings[0].problem, name)
+    found = run(read_problem(text), name)
     assert (found.status, found.reason) == ("ok", "")
     assert [t.time for t in found.transitions[-2:]] == pytest.approx([2, 2], abs=1e-9)
     assert found.end_mode == (1, 1 if contact == "[a, wall]" else -1)
@@ -242,7 +237,7 @@ def test_a_block_sticks_on_a_body_that_rests_at_a_stop_and_leaves_with_it(name: 
     text = text.replace("x_a: 1, v_a: 0, x_b: 0, v_b: 0", "x_a: 1, v_a: -1, x_b: 0, v_b: -1").replace(
         "until: 3", "until: 18"
     )
-    found = run(parse_case(text).readings[0].problem, name)
+    found = run(read_problem(text), name)
     assert (found.status, found.reason) == ("ok", "")
     assert [(t.kind, t.to_mode) for t in found.transitions[-2:]] == [("stick", (0, 0)), ("release", (1, 0))]
     assert found.transitions[-1].time == pytest.approx(15, abs=1e-9)

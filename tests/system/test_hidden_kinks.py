@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from problems import HEAD, read_problem
 
 import henon_ref as hr
 from henon_ref.casefile.case import parse_case
@@ -19,9 +20,6 @@ SOLVERS = pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
 HIDDEN = "piecewise(2*sign(t - 1), x > 2, 0) - piecewise(0, x > 2, sign(t - 3))"
 """While x > 2 the jump at 3 is none, and until then that at 1 is none."""
 CASE = f"""\
-schema: 1
-name: hidden
-title: Hidden
 system: {{{{state: [x, v], field: [v, "{HIDDEN}"]}}}}
 initial: {{{{x: {{x}}, v: 1}}}}
 until: 4
@@ -29,7 +27,7 @@ until: 4
 
 
 def run_of(name: str, text: str) -> Trajectory:
-    run = solver(name).prepare(parse_case(text).readings[0].problem, rtol=1e-12, atol=1e-13)()
+    run = solver(name).prepare(read_problem(text), rtol=1e-12, atol=1e-13)()
     assert run.status == "ok"
     return run
 
@@ -53,7 +51,7 @@ def test_the_run_itself_does_not_wait_for_that(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_method_of_fixed_steps_leaves_it_out_too() -> None:
-    run = solver("henon-rk4").prepare(parse_case(CASE.format(x=0)).readings[0].problem, step=1e-2)()
+    run = solver("henon-rk4").prepare(read_problem(CASE.format(x=0)), step=1e-2)()
     assert [(t.kind, t.surface) for t in run.transitions] == [("crossing", 0)]
 
 
@@ -90,7 +88,7 @@ def test_a_kink_is_there_where_its_branch_is(name: str) -> None:
 
 
 def test_the_truth_leaves_hidden_kinks_out_too() -> None:
-    case = parse_case(CASE.format(x=0))
+    case = parse_case(HEAD + CASE.format(x=0))
     found = compute(case, case.readings[0])
     assert found.status == "ok"
     assert [(t.kind, t.surface) for t in found.transitions] == [("crossing", 0)]
@@ -98,9 +96,6 @@ def test_the_truth_leaves_hidden_kinks_out_too() -> None:
 
 
 DAMPED = """\
-schema: 1
-name: between
-title: Between two damped stops
 scene:
   bodies: {a: {mass: 1}, frame: fixed}
   connections:
@@ -122,7 +117,7 @@ def test_modes_follow_on_each_other_though_hidden_kinks_change_their_signs(name:
 
 
 def test_a_truth_whose_hidden_kinks_change_their_signs_is_stored_and_read_again(tmp_path: Path) -> None:
-    case = parse_case(DAMPED)
+    case = parse_case(HEAD + DAMPED)
     found = truth_for(case, case.readings[0], folder=tmp_path)
     assert found.certified
     assert [t.surface for t in found.transitions] == [4, 3, 0, 2, 1, 0]

@@ -6,8 +6,8 @@ import math
 
 import pytest
 import sympy as sp
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.errors import CaseError
 from henon_ref.harness.registry import solver
 from henon_ref.harness.report.model import kink_notes
@@ -17,16 +17,6 @@ from henon_ref.trajectory import Trajectory
 
 X = sp.Symbol("x", real=True)
 SOLVERS = pytest.mark.parametrize("name", ["henon", "scipy-dop853"])
-HEAD = """\
-schema: 1
-name: kinks
-title: Kinks
-"""
-
-
-def read_problem(text: str) -> Problem:
-    """The problem of a case that has a model, a start and a horizon alone."""
-    return parse_case(HEAD + text).readings[0].problem
 
 
 def run_of(name: str, problem: Problem) -> Trajectory:
@@ -223,7 +213,7 @@ def test_a_kink_of_more_signs_than_can_be_tried_is_refused_with_its_place() -> N
     text = SIGNED.format(surface="v", rate="-abs(x - s - a - b - c - d)")
     text = text.replace('s: "v"', "s: v, a: x - 2, b: x - 3, c: x - 4, d: x - 5")
     with pytest.raises(CaseError, match="the argument of a kink has more than 4 signs") as caught:
-        parse_case(HEAD + text, file="case.yaml")
+        read_problem(text)
     assert str(caught.value).startswith("case.yaml:7:14: ")
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import sympy as sp
+from problems import HEAD, read_problem
 
 from henon_ref.casefile.case import load_case, parse_case
 from henon_ref.casefile.files import parse_yaml
@@ -31,9 +32,6 @@ AT_REST = ("v_a", "0", "v_b", "0", "omega_r", "0", "omega_q", "0")
 
 def read(connections: str, bodies: str = BODIES, parameters: str = PARAMETERS) -> FilippovSystem:
     text = f"""\
-schema: 1
-name: scene
-title: Scene
 scene:
   parameters: {parameters}
   bodies: {bodies}
@@ -41,7 +39,7 @@ scene:
 initial: {{}}
 until: 1
 """
-    tree = parse_yaml(text, file="case.yaml")
+    tree = parse_yaml(HEAD + text, file="case.yaml")
     source = Source(tree, "case.yaml")
     read_form(CaseForm, source)
     return build_scene(source).system()
@@ -51,9 +49,6 @@ def written(field: dict[str, str], surfaces: dict[str, str]) -> FilippovSystem:
     """A model written by hand: rates that are not those of a body that nothing acts on."""
     rates = [field.get(state, rest) for state, rest in zip(STATES, AT_REST, strict=True)]
     text = f"""\
-schema: 1
-name: by_hand
-title: By hand
 system:
   state: [{", ".join(STATES)}]
   parameters: {PARAMETERS}
@@ -62,7 +57,7 @@ system:
 initial: {{{", ".join(f"{state}: 0" for state in STATES)}}}
 until: 1
 """
-    return parse_case(text).readings[0].problem.system
+    return read_problem(text).system
 
 
 def tape_of(system: FilippovSystem, sliding: frozenset[int] = frozenset()) -> object:

@@ -5,14 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
+from problems import read_problem
 from runs import run as simulated
 
-from henon_ref.casefile.case import parse_case
-
 TEXT = """\
-schema: 1
-name: contacts
-title: Contacts of one relative velocity
 scene:
   bodies:
     a: {mass: 1}
@@ -38,7 +34,7 @@ def test_two_contacts_of_one_velocity_with_static_friction_hold_the_sum(between:
     one = SHARED.replace("FIRST", first)
     two = f"friction: {{between: {between}, law: coulomb, force: 1{second}, name: rub2}}"
     text = TEXT.replace("CONNECTION", f"{one}\n    - {two}")
-    system = parse_case(text).readings[0].problem.system
+    system = read_problem(text).system
     held = [system.sign_names.index(name) for name in ("rub", "rub2")]
     ends = [g for g in system.shared_equations(frozenset(held)).guards if g.kind == "release"]
     limit = sum(2 if own else 1 for own in (first, second))
@@ -51,15 +47,12 @@ def test_two_contacts_of_one_velocity_without_static_friction_slide_and_stick_as
         for pair, name in (("a, wall", "p"), ("wall, a", "q"))
     ]
     text = TEXT.replace("CONNECTION", "\n    - ".join(rubs)).replace("v_a: 0", "v_a: 1")
-    assert len(parse_case(text).readings[0].problem.system.surfaces) == 3
+    assert len(read_problem(text).system.surfaces) == 3
 
 
 def test_friction_that_slides_free_and_holds_is_a_right_run() -> None:
     """A block on a spring and on ground that holds it with 0.7 and lets it slide with nothing: cosines and rests."""
     text = """
-schema: 1
-name: free_or_held
-title: Friction that holds and does not brake
 scene:
   bodies: {m: {mass: 1}, belt: {velocity: 0.5}, wall: fixed}
   connections:
@@ -68,12 +61,12 @@ scene:
 initial: {t: 0, x_m: START, v_m: 0}
 until: 10
 """
-    fast = simulated(parse_case(text.replace("START", "1")).readings[0].problem)
+    fast = simulated(read_problem(text.replace("START", "1")))
     assert [(t.kind, t.surface) for t in fast.transitions] == [("crossing", 0)] * 3
     assert [t.time for t in fast.transitions] == pytest.approx(
         [7 * math.pi / 6, 11 * math.pi / 6, 19 * math.pi / 6], abs=1e-12
     )
-    slow = simulated(parse_case(text.replace("START", "0.6")).readings[0].problem)
+    slow = simulated(read_problem(text.replace("START", "0.6")))
     stuck = math.pi + math.asin(0.5 / 0.6)
     place = 0.6 * math.cos(stuck)
     assert [t.kind for t in slow.transitions[:2]] == ["stick", "release"]

@@ -40,7 +40,7 @@ def refusal(connection: str, body: str = "{mass: 1}", initial: str = "x_a: 0") -
     ("connection", "at", "says"),
     [
         ("spring: {between: [a, wal], stiffness: k}", "wal", "unknown body 'wal'; did you mean 'wall'"),
-        ("spring: {between: [a, a], stiffness: k}", "a", "'a' cannot be connected to itself"),
+        ("spring: {between: [a, a], stiffness: k}", "a", "'a' cannot be connected to itself; name another body"),
         ("spring: {between: [wall, floor], stiffness: k}", "[wall, floor]", "both are fixed; name a mass or a rotor"),
         ("spring: {between: [wall, belt], stiffness: k}", "[wall, belt]", "the motion of both is given"),
         ("spring: {between: [a, r], stiffness: k}", "r", "connect two masses or two rotors"),

@@ -22,12 +22,15 @@ x, y, z = sp.symbols("x y z", real=True)
 a, b = sp.symbols("a b", real=True)
 
 
-def run(tape: Tape, constants: list[float], t: tuple[float, float], at: list[float], order: int) -> np.ndarray:
+def run(
+    tape: Tape, constants: list[float], time: tuple[float, float], at: list[float], order: int, sigma: float = 1.0
+) -> np.ndarray:
+    """Coefficients by the machine code, times powers of sigma; a constant's remainder stands behind all constants."""
     code = NativeModule(declarations() + expansion_ir(tape, len(at), order, "f"))
     function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
     k, start = np.array(constants), np.array(at)
     out = np.zeros((len(at) + len(tape.outputs) + 1, row_length(order)))
-    function(*t, 1.0, start.ctypes.data, k.ctypes.data, out.ctypes.data)
+    function(*time, sigma, start.ctypes.data, k.ctypes.data, out.ctypes.data)
     return out
 
 

@@ -17,7 +17,6 @@ from henon_ref.taylor.llvm.looped import looped_expansion_ir
 from henon_ref.taylor.llvm.step import looped_step_end_ir, step_end_ir
 from henon_ref.taylor.rules import RULES
 from henon_ref.taylor.tape import TIME, Tape, build_tape
-from tests.support.ir import every_operation
 
 EXPANSION = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)
 SEVERAL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
@@ -53,6 +52,21 @@ def polynomials(n: int) -> Tape:
     """Motions that are polynomials in time, of all degrees from 1 on: rows that end early."""
     x = states_of(n)
     return build_tape(x, [c, *(k * xi for xi in x[:-1])], [x[0] + x[-1], x[1] * x[2], 3 + 0 * x[0], TIME**2 - x[0]])
+
+
+def every_operation() -> list[Tape]:
+    """Tapes that hold, between them, every operation that a tape can have: the suite's cases do not."""
+    x, y = sp.symbols("x y", real=True)
+    t, third = TIME, sp.Rational(1, 3)
+    functions = [
+        sp.exp(-x / 3) + sp.log(2 + x**2) + sp.sin(x) * sp.cos(y) + sp.sinh(x) * sp.cosh(y),
+        sp.tan(x / 4) + sp.tanh(y) + sp.atan(x * y) + sp.asin(x / 5) - sp.acos(y / 7),
+        sp.sqrt(3 + x) / sp.sqrt(3 + x * y) + (2 + x) ** third + (x - 1) / (y + 3) ** 2 + 1 / (1 + y),
+        t**2 * sp.sin(3 * t + 1) + 5 * sp.cos(t) + (x + y) ** 5 / 5 - x**3 + 3 * sp.exp(t) + (1 + t) ** third,
+        7 / (2 + y) + (y - sp.sin(t)) ** 3 * x + (1 + x**2) ** y,
+    ]
+    tapes = [build_tape((x, y), [f, x - y], [x * f]) for f in functions]
+    return [*tapes, build_tape((x, y), [2 * y, sum(functions)], [x - 2 * y, *functions])]
 
 
 TAPES = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import replace
 from functools import cache
@@ -12,10 +11,9 @@ import numpy as np
 import pytest
 import sympy as sp
 from flint import arb
+from test_expansion import run
 
 from henon_ref.errors import ModelError
-from henon_ref.jit.ir_writer import declarations, row_length
-from henon_ref.jit.native_module import NativeModule
 from henon_ref.taylor import series as taylor_series
 from henon_ref.taylor.llvm.expansion import expansion_ir
 from henon_ref.taylor.series import expand
@@ -89,10 +87,7 @@ def test_machine_code_computes_what_the_tape_says(f: sp.Expr) -> None:
     numbers = [float(c) for c in tape.constants]
     order, sigma = 9, 0.25
     states, outputs = expand(tape, numbers, 0.3, [0.2, -0.4], order)
-    code = NativeModule(declarations() + expansion_ir(tape, 2, order, "f"))
-    function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
-    k, start, out = np.array([*numbers, *[0.0] * len(numbers)]), np.array([0.2, -0.4]), np.zeros((4, row_length(order)))
-    function(0.3, 0.0, sigma, start.ctypes.data, k.ctypes.data, out.ctypes.data)
+    out = run(tape, [*numbers, *[0.0] * len(numbers)], (0.3, 0.0), [0.2, -0.4], order, sigma)
     expected = np.array(states + outputs) * sigma ** np.arange(order + 1)
     np.testing.assert_allclose(out[:3, : order + 1], expected, rtol=1e-12, atol=1e-15)
 
@@ -114,12 +109,9 @@ def test_a_phase_keeps_its_digits_at_late_times() -> None:
     for c in tape.constants:
         value = sp.N(c, 40)
         pairs.append((float(value), float(value - sp.Float(float(value), 50))))
-    code = NativeModule(declarations() + expansion_ir(tape, 1, 2, "f"))
-    function = ctypes.CFUNCTYPE(None, *[ctypes.c_double] * 3, *[ctypes.c_void_p] * 3)(code.address("f"))
-    k = np.array([p[0] for p in pairs] + [p[1] for p in pairs])
-    start, out = np.array([0.0]), np.zeros((2, row_length(2)))
+    k = [p[0] for p in pairs] + [p[1] for p in pairs]
     high, low = 1e9, 3e-8
-    function(high, low, 1.0, start.ctypes.data, k.ctypes.data, out.ctypes.data)
+    out = run(tape, k, (high, low), [0.0], 2)
     exact = sp.N(sp.sin(sp.pi * (sp.Integer(10) ** 9 + sp.Float(low, 40)) / 3), 30)
     assert out[0, 1] == pytest.approx(float(exact), rel=1e-15)
 

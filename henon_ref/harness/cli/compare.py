@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import typer
 
 from henon_ref.commands import FLAG, Cases, application, examples, path_of, status_line
 from henon_ref.commands.exit_status import DONE, command_of, writing_into
-from henon_ref.text import listed
+from henon_ref.text import listed, shortened
 from henon_ref.workers import ONE_THREAD
 
 ROWS_KEPT = "finished rows are kept; --resume continues from them"
@@ -24,9 +25,13 @@ app = application()
 
 def _tolerance(text: str) -> float:
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        raise typer.BadParameter(f"a tolerance is a number, not '{text}'", param_hint="--tolerances") from None
+        value = math.nan
+    if not 1e-16 <= value < 1:
+        words = f"a tolerance lies between 1e-16 and 1, not {shortened(text)}"
+        raise typer.BadParameter(words, param_hint="--tolerances")
+    return value
 
 
 def names(text: str | None, option: str) -> tuple[str, ...] | None:

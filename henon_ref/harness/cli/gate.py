@@ -184,7 +184,8 @@ def runs_in(path: Path) -> dict[Path, list[RunRow]]:
     """Read the rows of a ``runs.csv``, or of all reports in a folder, by file; CaseError if there is none."""
     files = [path] if path.is_file() else [path / RUNS] if (path / RUNS).is_file() else sorted(path.glob(f"*/{RUNS}"))
     if not files:
-        what = "the folder has no report" if path.is_dir() else "there is no such file"
+        other = "this is not a regular file" if path.exists() else "there is no such file"
+        what = "the folder has no report" if path.is_dir() else other
         raise CaseError(f"{what}; expected a {RUNS}, or a folder of reports", file=str(path))
     found = {file: rows_in_file(RunRow, file) for file in files}
     for file, rows in found.items():

@@ -56,6 +56,7 @@ _BEGINNINGS = {
     PAGE: re.compile("<!doctype html>\n<!-- henon_ref "),
 }
 """First characters of the index, matrix and page that this package writes."""
+_SWEEP_PAGE = re.compile(rf"{_BEGINNINGS[PAGE].pattern}sweep")
 
 
 def remove_if_empty(folder: Path) -> None:
@@ -65,9 +66,10 @@ def remove_if_empty(folder: Path) -> None:
 
 def check_folder(folder: Path) -> None:
     """Check that files can be written into a folder, and leave none there; raise CaseError if not."""
-    nearest = next((path for path in (folder, *folder.absolute().parents) if path.exists()), Path("/"))
+    nearest = next((path for path in (folder, *folder.absolute().parents) if os.path.lexists(path)), Path("/"))
     if not nearest.is_dir():
-        raise CaseError(f"{nearest} is a file; --out requires a folder", file=None)
+        what = "file" if nearest.exists() else "link without a target"
+        raise CaseError(f"{nearest} is a {what}; --out requires a folder", file=None)
     try:
         with tempfile.TemporaryFile(dir=nearest, prefix=".henon_ref."):
             pass
@@ -77,10 +79,15 @@ def check_folder(folder: Path) -> None:
 
 
 def check_index(folder: Path) -> None:
-    """Check that this package wrote the index, matrix and page to be replaced in a folder; raise CaseError if not."""
+    """Check that this package wrote the index, matrix and page to be replaced in a folder; raise CaseError if not.
+
+    The page of a sweep is not replaced.
+    """
     for file, beginning in ((folder / name, beginning) for name, beginning in _BEGINNINGS.items()):
         if file.exists() and not _begins(file, beginning):
             raise CaseError(NOT_OURS, file=str(file))
+    if _begins(folder / PAGE, _SWEEP_PAGE):
+        raise CaseError("is the page of a sweep; choose another folder with --out", file=str(folder / PAGE))
 
 
 def check_report(folder: Path, figures: Iterable[str]) -> None:

@@ -92,8 +92,9 @@ def packed_numbers(values: Any, kind: str) -> str:
         return b64encode(np.asarray(values).astype(kind).tobytes()).decode("ascii")
 
 
-CELLS = 4096
-"""Grid steps between the limits of the portrait; points may lie up to seven times this distance outside."""
+CELLS = 2048
+"""Grid steps between the limits of a portrait, four to six a pixel; points may lie up to seven times this distance
+outside."""
 MOST_POINTS = 1500
 """Number of points above which a portrait is thinned further."""
 
@@ -101,8 +102,8 @@ MOST_POINTS = 1500
 def packed(system: FilippovSystem, motion: Motion) -> dict[str, Any]:
     """Return the portrait of a motion as JSON; for a system with one state, the state over time.
 
-    ``pieces`` are pairs (label, points) in order of time, ``surfaces`` are points. Points are base64 text of
-    little-endian 16-bit integers x, y, x, y, ...; the values 0 and ``CELLS`` are the limits.
+    ``pieces`` are pairs (label, points) in order of time, ``surfaces`` are points. Points are text: integers x y of the
+    first point, where 0 and ``CELLS`` are the limits, and of the steps from each point to the next.
     """
     pair = axes_of_portrait(system)
     x, y = pair or (0, 0)
@@ -118,9 +119,13 @@ def packed(system: FilippovSystem, motion: Motion) -> dict[str, Any]:
         "names": [system.state_names[x] if pair else "t", system.state_names[y]],
         "limits": [[float(f"{value:.6g}") for value in own] for own in limits],
         "window": [float(f"{value:.12g}") for value in motion.times[[0, -1]]],
-        "pieces": [[label, packed_numbers(own, "<i2")] for label, own in pieces],
-        "surfaces": [packed_numbers(_on_grid(own, limits, threshold), "<i2") for own in surfaces],
+        "pieces": [[label, _steps(own)] for label, own in pieces],
+        "surfaces": [_steps(_on_grid(own, limits, threshold)) for own in surfaces],
     }
+
+
+def _steps(points: NDArray[np.float64]) -> str:
+    return " ".join(map(str, np.diff(points.astype(int), axis=0, prepend=0).ravel().tolist()))
 
 
 def _on_grid(

@@ -69,55 +69,60 @@ BEND = 0.03
 
 
 def shortened(content: bytes) -> bytes:
-    """Shorten an SVG without visible change: round coordinates, simplify curves, and remove repeated styles.
+    """Shorten an SVG without visible change: round coordinates, simplify curves, and remove what is written twice.
 
     A shortened SVG is returned unchanged.
 
     >>> shortened(b'<g id="axes_1">\\n <path d="M 49.621534 -33.20000 \\nL 1e-05 7.5"/>\\n</g>')
     b'<path d="M49.62-33.2l-49.62 40.7"/>'
-    >>> shortened(b'<use xlink:href="#DejaVuSans-14" transform="translate(63.625 0)"/>')
-    b'<use href="#d14" x="64"/>'
+    >>> shortened(b'<text style="fill: none" x="8.2513" y="7" transform="rotate(-0 8.2513 7)">7 s</text>')
+    b'<text style="fill: none" x="8.25" y="7">7 s</text>'
     """
     content = re.sub(rb"(?<=\n) +(?=<)|<!--.*?-->\n|<metadata>.*?</metadata>\n", b"", content, flags=re.DOTALL)
-    content = re.sub(rb'<g id="\w+_\d+"', b"<g", content).replace(b"<g/>\n", b"").replace(b" xlink:href=", b" href=")
-    glyph = rb'(<path id=")(?:DejaVuSans-|d)([\w-]+" d=")([^"]*)(" transform="scale\()0.015625(?=\))'
-    content = re.sub(glyph, _coarse, content).replace(b"DejaVuSans-", b"d")
-    content = re.sub(rb'(<use [^>]*)transform="translate\((\S+) (\S+)\)"', rb'\1x="\2" y="\3"', content)
-    content = _without_repeated_styles(content.replace(b' y="0"/>', b"/>"))
-    group_of_one = rb"<g>\n(<(?:path|use) [^>]*/>)\n</g>"
-    while (fewer := re.sub(group_of_one, rb"\1", content)) != content:
-        content = fewer
+    content = re.sub(rb'<g id="[\w.]+_\d+"', b"<g", content).replace(b" xlink:href=", b" href=")
+    content = _without_plain_groups(re.sub(rb' transform="rotate\(-0 [^"]*"', b"", content))
+    content = re.sub(rb' (clip-path)="(url\(#\w+\))" style="([^"]*)"', rb' style="\3; \1: \2"', content)
+    content = _without_repeated_styles(content)
     for k, name in enumerate(dict.fromkeys(re.findall(rb' id="([mp][0-9a-f]{10})"', content))):
         content = content.replace(name, b"n%d" % k)
-    for blank in re.findall(rb'<path id="(d[\w-]+)" transform="scale\(\S+\)"/>', content):
-        content = re.sub(rb'<use href="#%s"[^>]*>\n' % blank, b"", content)
-    letter = rb'(<use href="#d[\w-]+" x=")([^"]+)'
-    content = re.sub(letter, lambda own: b"%s%d" % (own[1], round(float(own[2]))), content)
-    content = re.sub(rb' (?:x|y)="[^"]*"', _rounded, content)
-    return re.sub(rb' d="([MLQCz\d\s.e-]*)"', lambda found: b' d="' + _relative(found[1]) + b'"', content)
+    return re.sub(rb"<\w[^>]*>", _with_short_numbers, content)
 
 
-def _coarse(glyph: re.Match[bytes]) -> bytes:
-    """Write the outline of a glyph in units 16 times as large."""
-    outline = re.sub(rb"-?[\d.]+", lambda own: b"%d" % round(float(own[0]) / 16), glyph[3])
-    return glyph[1] + b"d" + glyph[2] + outline + glyph[4] + b"0.25"
+def _with_short_numbers(tag: re.Match[bytes]) -> bytes:
+    text = re.sub(rb' (?:x|y)="[^"]*"|(?:translate|rotate)\([^)]*', _rounded, tag[0])
+    return re.sub(rb' d="([MLQCz\d\s.e-]*)"', lambda found: b' d="' + _relative(found[1]) + b'"', text)
 
 
-def _rounded(coordinate: re.Match[bytes]) -> bytes:
-    """Round a number with three decimals or more."""
-    return re.sub(rb"-?\d+\.\d{3,}(?![\d.e])", lambda own: _number(_units(own[0])), coordinate[0])
+def _rounded(coordinates: re.Match[bytes]) -> bytes:
+    """Round the numbers with three decimals or more."""
+    return re.sub(rb"-?\d+\.\d{3,}(?![\d.e])", lambda own: _number(_units(own[0])), coordinates[0])
+
+
+def _without_plain_groups(content: bytes) -> bytes:
+    """Remove the groups without attributes; every tag is a line."""
+    kept: list[bytes] = []
+    groups: list[bool] = []
+    for line in content.split(b"\n"):
+        if line.startswith(b"<g") and not line.endswith(b"/>"):
+            groups.append(line == b"<g>")
+        plain = line in (b"<g>", b"<g/>") or (line == b"</g>" and groups.pop())
+        kept += [] if plain else [line]
+    return b"\n".join(kept)
 
 
 def _without_repeated_styles(content: bytes) -> bytes:
-    """Remove style parts that a marker already defines, and replace styles that occur several times by classes."""
-    found = re.findall(rb'<path id="(\w+)" [^>]*? style="([^"]*)"/>', content)
-    markers = {name: style.split(b"; ") for name, style in found}
+    """Write the style of a marker once, with its path, and replace styles that occur several times by classes."""
+    use = re.compile(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>')
+    definition = re.compile(rb'(<path id="(\w+)" [^>]*? style=")([^"]*)(?="/>)')
+    uses = {found[2]: found[3] for found in use.finditer(content)}  # all uses of a marker have one style
+    markers = {found[2] for found in definition.finditer(content)}
 
-    def fewer(found: re.Match[bytes]) -> bytes:
-        own = [part for part in found[3].split(b"; ") if part not in markers.get(found[2], ())]
-        return found[1] + (b' style="' + b"; ".join(own) + b'"/>' if own else b"/>")
+    def complete(found: re.Match[bytes]) -> bytes:
+        parts = found[3].split(b"; ") + (uses[found[2]].split(b"; ") if found[2] in uses else [])
+        return found[1] + b"; ".join(dict.fromkeys(parts))
 
-    content = re.sub(rb'(<use href="#(\w+)"[^>]*?) style="([^"]*)"/>', fewer, content)
+    content = definition.sub(complete, content)
+    content = use.sub(lambda found: found[1] + b"/>" if found[2] in markers else found[0], content)
     attribute = re.compile(rb' style="([^"]*)"')
     styles = attribute.findall(content)
     names = {style: b"c%d" % k for k, style in enumerate(dict.fromkeys(s for s in styles if styles.count(s) > 1))}

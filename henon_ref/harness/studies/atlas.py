@@ -201,20 +201,27 @@ def _draw_panel(axes: Axes, solver: str, outcomes: Sequence[Sequence[Outcome | N
 
     # Adjacent cells of an outcome are one box, and all its boxes one path; single cells would make a file ten times as
     # long.
-    boxes: dict[Outcome, list[Path]] = {}
+    rows_of_box: dict[tuple[Outcome, int, int], list[int]] = {}
     for j, line in enumerate(outcomes):
         begin = 0
         for outcome, own in itertools.groupby(line):
             end = begin + len(list(own))
             if outcome is not None:
-                corners = [(begin, j), (end, j), (end, j + 1), (begin, j + 1), (begin, j)]
-                boxes.setdefault(outcome, []).append(Path(corners, closed=True))
+                rows_of_box.setdefault((outcome, begin, end), []).append(j)
             begin = end
+    boxes: dict[Outcome, list[Path]] = {}
+    for (outcome, begin, end), rows in rows_of_box.items():
+        for _, together in itertools.groupby(enumerate(rows), lambda numbered: numbered[1] - numbered[0]):
+            low, *_, high = [row for _, row in together] * 2
+            corners = [(begin, low), (end, low), (end, high + 1), (begin, high + 1), (begin, low)]
+            boxes.setdefault(outcome, []).append(Path(corners, closed=True))
     for outcome, paths in boxes.items():
         axes.add_patch(PathPatch(Path.make_compound_path(*paths), facecolor=OUTCOMES[outcome][1], linewidth=0))
     width, height = len(outcomes[0]), len(outcomes)
-    lines = [((i, 0), (i, height)) for i in range(1, width)] + [((0, j), (width, j)) for j in range(1, height)]
-    grid = Path.make_compound_path(*map(Path, lines))
+    # All lines of one direction are one, which turns outside of the panel.
+    across = [(i, k) for i in range(1, width) for k in (-1, height + 1)[:: 1 if i % 2 else -1]]
+    upward = [(k, j) for j in range(1, height) for k in (-1, width + 1)[:: 1 if j % 2 else -1]]
+    grid = Path.make_compound_path(Path(across), Path(upward))
     axes.add_patch(PathPatch(grid, fill=False, edgecolor="white", linewidth=0.4))
     axes.set_xlim(0, width)
     axes.set_ylim(0, height)

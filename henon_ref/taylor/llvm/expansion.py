@@ -20,7 +20,7 @@ from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolut
 from henon_ref.taylor.llvm.linear_forms import Form, Forms
 from henon_ref.taylor.llvm.recurrences import Recurrence, Recurrences
 from henon_ref.taylor.llvm.sin_cos import sin_cos_ir
-from henon_ref.taylor.llvm.step import GROWING, inverse_size, last_terms, longest_step
+from henon_ref.taylor.llvm.step import GROWING, before_falls, inverse_size, last_terms, longest_step
 from henon_ref.taylor.tape import Node, Tape
 
 Row = tuple[str, int]
@@ -34,7 +34,7 @@ def expansion_ir(tape: Tape, states: int, order: int, name: str, width: int | No
     holds the constants rounded to double, followed by their rounding errors. ``C`` receives the Taylor coefficients in
     the time unit: one row per state, then one per output. If ``order`` >= 3, the rows are followed by the largest last
     and the largest last but one coefficient relative to the row's size on a step of one unit, a sum that is not finite
-    if any coefficient is not, and the longest step that the exponentials allow.
+    if any coefficient is not, and the longest step that exponentials and denominators allow.
 
     ``states``: number of states n. ``order``: highest order; 0 gives only the values of the outputs. ``width``: doubles
     from one row to the next, if it is not the :func:`row_length` of the order (an order below 4).
@@ -80,7 +80,10 @@ def _write_expansion(w: IRWriter, tape: Tape, states: int, order: int, width: in
     if order >= 3:
         rows = [*expansion.solution, *expansion.outputs]
         exponentials = [(n.op, expansion.series[n.args[0]]) for n in tape.nodes if n.op in GROWING]
-        for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest_step(w, exponentials)]):
+        longest = longest_step(w, exponentials)
+        if expansion.made.falls:
+            longest = w.smaller(before_falls(w, w.paired(w.larger, expansion.made.falls)), longest)
+        for at, value in enumerate([*last_terms(w, rows, expansion.sizes, order), longest]):
             w.store(value, "%C", len(rows) * width + at)
 
 

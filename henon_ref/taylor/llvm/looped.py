@@ -24,7 +24,7 @@ from henon_ref.jit.ir_writer import LANES, IRWriter, literal, loop_function, row
 from henon_ref.jit.lanes import arrangement, can_be_in_lanes, in_lanes, splat
 from henon_ref.taylor.llvm.one_node import OneNode, bound_lines, copy_lines, row_lines, state_lines, total_lines
 from henon_ref.taylor.llvm.shapes import Factors, Shapes
-from henon_ref.taylor.llvm.step import GROWING
+from henon_ref.taylor.llvm.step import GROWING, before_falls
 from henon_ref.taylor.tape import Tape
 
 Pointers = Sequence[tuple[str, str]]
@@ -43,7 +43,7 @@ def looped_expansion_ir(tape: Tape, states: int, order: int, name: str, width: i
 class _LoopedExpansion:
     """Writer of the code. The series of a node has its number, that of state i is -1 - i, and outputs follow the nodes.
 
-    Arrays: ``S`` and ``C`` (see above); ``K``, constants; ``N``, three norms of the rows, each in lanes.
+    Arrays: ``S`` and ``C`` (see above); ``K``, constants; ``N``, four numbers after the rows, in lanes.
     """
 
     def __init__(self, tape: Tape, states: int, order: int, name: str, width: int) -> None:
@@ -103,8 +103,8 @@ class _LoopedExpansion:
         return (
             "\n".join(self.globals)
             + f"\ndefine void @{self.name}(double %t_hi, double %t_lo, double %unit, ptr noalias %x, ptr noalias %K, "
-            f"ptr noalias %C) {{\nentry:\n  %N = alloca [{3 * LANES} x double], align 32\n"
-            f"  store [{3 * LANES} x double] zeroinitializer, ptr %N, align 32\n"
+            f"ptr noalias %C) {{\nentry:\n  %N = alloca [{4 * LANES} x double], align 32\n"
+            f"  store [{4 * LANES} x double] zeroinitializer, ptr %N, align 32\n"
             f"  %S = call noalias ptr @malloc(i64 {8 * self.memory})\n"
             f"{body}\n  call void @free(ptr %S)\n  ret void\n}}\n"
         )
@@ -199,10 +199,10 @@ class _LoopedExpansion:
             self._for_all(group, "norms", state_lines(order, stride), straight=True)
         norms = len(self.rows) * self.width
         w = IRWriter()
-        for i in range(3):
+        for i in range(4):
             parts = [w.load("%N", LANES * i + lane) for lane in range(LANES)]
-            w.store(w.paired(w.plus if i == 2 else w.larger, parts), "%C", norms + i)
-        w.store(literal(1e30), "%C", norms + 3)
+            total = w.paired(w.plus if i == 2 else w.larger, parts)
+            w.store(w.smaller(before_falls(w, total), literal(1e30)) if i == 3 else total, "%C", norms + i)
         self.calls += w.lines
 
         def kind(at: int) -> tuple[str, int, int, int]:

@@ -107,6 +107,9 @@ class OneNode:
             if k:
                 starts.append(len(self.w.lines))
             y.append(recurrence(k))
+            if k == 2 and self.made.falls:
+                (found,) = self.made.falls
+                self.w.store(self.w.larger(self.w.load("%N", 3 * LANES), found), "%N", 3 * LANES)
         results = {k: (k, v) for k, v in enumerate(y) if v is not None}
         return in_pieces(self.w.lines, starts, results, self.order + 1, self.stride)
 

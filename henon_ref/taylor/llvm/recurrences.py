@@ -15,6 +15,7 @@ from henon_ref.taylor import rules
 from henon_ref.taylor.llvm.coefficients import Coefficients, Constants, Convolutions
 from henon_ref.taylor.llvm.linear_forms import Form
 from henon_ref.taylor.llvm.sin_cos import sin_cos
+from henon_ref.taylor.llvm.step import fall
 from henon_ref.taylor.tape import Node
 
 Recurrence = Callable[[int], Value]
@@ -38,6 +39,8 @@ class Recurrences:
     """Value of each clock in double-double."""
     inverses: dict[int, str] = field(default_factory=dict)
     """1 / denominator of each reciprocal."""
+    falls: list[str] = field(default_factory=list)
+    """:func:`.step.fall` of each denominator, written with coefficients 2."""
     _sines: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
     _powers: dict[int, list[str]] = field(default_factory=dict)
 
@@ -175,6 +178,12 @@ class Recurrences:
     def inverse(self, value: Value) -> str:
         return self.w.once.binary("fdiv", ONE, value or ZERO)
 
+    def _falls(self, below: Coefficients, scale: Value, quotient: Coefficients | None = None) -> None:
+        """Write the fall of a denominator; ``scale``: minus the inverse of its first coefficient."""
+        found = fall(self.w, self.w.mul(scale, below[1]), self.w.mul(scale, below[2]), quotient)
+        if found is not None:
+            self.falls.append(found)
+
     def _product(self, at: int, node: Node) -> Recurrence:
         """y = a b."""
         w, (u, v) = self.w, node.args
@@ -203,6 +212,8 @@ class Recurrences:
                 return self.w.mul(a[0], inverse)
             if k == 1:
                 self.convolutions.scales[node.args[1], at, at] = self.w.neg(inverse)
+            if k == 2:
+                self._falls(b, self.w.neg(inverse), self.series[at])
             return self.w.fused(a[k], inverse, self._quotient_tail(node.args[1], at, k))
 
         return coefficient
@@ -219,6 +230,8 @@ class Recurrences:
             if k == 1:
                 slope = self.constants.total(below.terms[x])
                 self.convolutions.scales[x, at, at] = w.neg(w.mul(slope, self.inverses[at]))
+            if k == 2:
+                self._falls(self.series[x], self.convolutions.scales[x, at, at])
             return self._quotient_tail(x, at, k)
 
         return coefficient
@@ -260,6 +273,8 @@ class Recurrences:
                     weight = w.sub(w.scaled(float(j), c), literal(float(k - j)))
                     terms.append((w.mul(weight, a[j]), y[k - j]))
             inverse = self.inverse(a[0])
+            if k == 2:
+                self._falls(a, w.neg(inverse), y)
             return w.scaled(1.0 / k, w.mul(w.total(terms[:-1], terms[-1:]), inverse))
 
         return coefficient
@@ -289,6 +304,8 @@ class Recurrences:
             terms = [(y.weighted(j), factor[k - j]) for j in range(1, k)]
             rest = w.neg(a[k]) if sign < 0 else a[k]
             older = w.scaled(1.0 / k, w.total(terms[:-1], terms[-1:]))
+            if k == 2 and op == "atan":
+                self._falls(factor, w.neg(self.inverse(factor[0])))
             return w.mul(w.sub(rest, older), self.inverse(factor[0]))
 
         return coefficient

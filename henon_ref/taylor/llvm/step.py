@@ -14,6 +14,10 @@ from henon_ref.kernel.library import kernel
 
 ARGUMENT_CHANGE = 8.0
 """Largest change of the argument of an exponential on one step."""
+FALLING_PART = 0.7
+"""Longest step, as a part of the time in which a denominator may fall to zero."""
+FLATTEST = 0.45
+"""Largest d_0 d_2/d_1^2 of a denominator that may fall to zero as a power m: (m - 1)/(2 m); 1/2 for an exponential."""
 STEP_LIMIT = 2.0
 """Longest step in units if an argument has terms of order 3 or higher."""
 GROWING = ("exp", "sinh", "tanh")
@@ -40,6 +44,39 @@ def inverse_size(w: IRWriter, row: Sequence[Value]) -> str:
         if value is not None:
             size = w.binary("fadd", size, w.call("fabs", value))
     return w.binary("fdiv", ONE, size)
+
+
+def fall(w: IRWriter, first: Value, second: Value, quotient: Sequence[Value] | None = None) -> Value:
+    """Inverse of half the time, in units, in which a denominator may fall to zero; zero or less if it does not fall.
+
+    The denominator is a multiple of d = 1 - ``first`` t - ``second`` t^2 up to order 2. The time is that of the smaller
+    root of this quadratic; if there is none, of the double root of one with the same slope. It does not count if d
+    falls as an exponential, which has no root (FLATTEST), nor if the ``quotient`` with this denominator rises by less
+    than before a root of d: then its numerator falls, too (sin(x)/x near x = 0).
+    """
+    if first is None and second is None:
+        return None
+    four = w.scaled(4.0, second)
+    inside, bend = (w.fused(w.scaled(factor, first), first, four) or ZERO for factor in (1.0, 4.0 * FLATTEST))
+    found = w.add(first, w.call("sqrt", w.larger(inside, ZERO)))
+    counts = [w.emit(f"fcmp oge double {bend}, {ZERO}")]
+    if quotient is not None and first is not None:
+        before, rise = quotient[0], w.mul(quotient[0], quotient[1]) or ZERO
+        root = w.mul(w.scaled(0.5, first), w.mul(before, before)) or ZERO
+        counts.append(w.emit(f"fcmp oge double {rise}, {root}"))
+    for each in counts:
+        found = w.emit(f"select i1 {each}, double {found}, double {ZERO}")
+    return found
+
+
+def before_falls(w: IRWriter, falls: str) -> str:
+    """Longest step, in units, on which no denominator falls to zero, or nearly; ``falls``: the largest :func:`fall`.
+
+    A feature that is much narrower than a step, such as 1/(1 + (u/w)^2) before u = 0, may be below rounding in all
+    Taylor coefficients: only the denominator shows it. Steps then approach the feature by a constant part of their
+    distance to it, until the coefficients contain it.
+    """
+    return w.binary("fdiv", literal(2.0 * FALLING_PART), w.larger(falls, literal(1e-30)))
 
 
 def longest_step(w: IRWriter, exponentials: Sequence[tuple[str, Sequence[Value]]]) -> str:

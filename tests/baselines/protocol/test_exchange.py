@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 
 import pytest
 from jobs import crowd
-from programs import FINE, PRELUDE, answer, program, ramp
+from processes import gone, wait_until
+from programs import FINE, PRELUDE, RAMP, answer, program, ramp
 
 import henon_ref
 from henon_ref.baselines.protocol import exchange as module
@@ -21,17 +21,6 @@ SHORT = 1.0
 """Seconds of a program that is to be stopped, ..."""
 LONG = 60.0
 """... and of one that is to answer, however busy the machine is."""
-CASE = """
-schema: 1
-name: ramp
-title: A state that crosses zero once
-source: none
-system: {state: [x], surfaces: {s: x}, field: ["1"]}
-initial: {t: 0, x: -1}
-until: 2
-exact: {transition_times: ["1"]}
-tolerances: [1e-6]
-"""
 
 
 def say(code: str, seconds: float = LONG, request: bytes = b"{}", memory: int = 4 * 2**30) -> bytes:
@@ -104,18 +93,7 @@ def test_what_a_program_has_started_ends_with_it() -> None:
         "import subprocess; p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(1000)']); print(p.pid)"
     )
     pid = int(say(code))
-    until = time.monotonic() + 600.0
-    while _is_alive(pid) and time.monotonic() < until:
-        time.sleep(0.02)
-    assert not _is_alive(pid)
-
-
-def _is_alive(pid: int) -> bool:
-    try:
-        with open(f"/proc/{pid}/stat", encoding="ascii") as stream:
-            return stream.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except OSError:
-        return False
+    wait_until(lambda: gone(pid))
 
 
 def test_a_program_that_is_not_there_is_unavailable() -> None:
@@ -172,7 +150,7 @@ BAD = {
 def test_each_failure_is_a_row_that_says_so_and_the_others_stand() -> None:
     solvers = [program(code, name) for name, (code, *_) in BAD.items()]
     found = henon_ref.compare(
-        henon_ref.parse_case(CASE), solvers=[*solvers, program(answer(), "fine")], repeats=2, timeout=1.0
+        henon_ref.parse_case(RAMP), solvers=[*solvers, program(answer(), "fine")], repeats=2, timeout=1.0
     )
     rows = found.runs.set_index("solver")
     assert rows.loc["fine", ["status", "verdict", "wall_s", "timed_runs"]].tolist() == ["ok", "right", 1e-3, 2]
@@ -185,7 +163,7 @@ def test_each_failure_is_a_row_that_says_so_and_the_others_stand() -> None:
 
 def test_a_program_that_hangs_on_one_of_two_readings_is_not_right_wherever_it_is_required() -> None:
     """As a Python solver that ignores its deadline; a program that keeps its deadline is not judged."""
-    case = henon_ref.parse_case(CASE + "readings: {one: {}, two: {tolerances: [1e-9]}}")
+    case = henon_ref.parse_case(RAMP + "readings: {one: {}, two: {tolerances: [1e-9]}}")
     for late, failing in (("time.sleep(1000)", 1), (answer(status="timeout", transitions=[], end=None), 0)):
         solver = program(f"\nif request['rtol'] < 1e-8: {late}\nelse: {answer()}")
         found = henon_ref.compare(case, solvers=[solver], repeats=1, timeout=1.0)

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import fastjsonschema
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from json_schema import faults
 from programs import FINE, request
 
 from henon_ref.baselines.protocol.messages import Request, Response, schema_text
@@ -178,12 +178,12 @@ def test_the_published_schemas_are_what_is_checked(message: type, name: str) -> 
 
 
 def test_the_schemas_accept_what_is_sent_and_read_and_refuse_the_rest() -> None:
-    sent, schema = json.loads(REQUEST.model_dump_json()), json.loads(schema_text(Request))
-    assert not list(faults(sent, schema, schema))
-    schema = json.loads(schema_text(Response))
-    assert not list(faults(FINE, schema, schema))
-    assert list(faults(changed("transitions.0.after", 2), schema, schema))
-    assert list(faults(changed("status", "fine"), schema, schema))
+    check_request, check = (fastjsonschema.compile(json.loads(schema_text(kind))) for kind in (Request, Response))
+    check_request(json.loads(REQUEST.model_dump_json()))
+    check(FINE)
+    for wrong in (changed("transitions.0.after", 2), changed("status", "fine")):
+        with pytest.raises(fastjsonschema.JsonSchemaValueException):
+            check(wrong)
 
 
 def long_messages() -> Iterator[bytes]:

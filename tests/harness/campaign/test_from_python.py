@@ -7,10 +7,10 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 import pytest
+from processes import gone, wait_until
 
 import henon_ref
 from henon_ref.errors import CaseError
@@ -95,18 +95,12 @@ def test_an_interrupt_ends_a_comparison_and_leaves_no_process(tmp_path, before):
         stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ) | {"PYTHONPATH": path},
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's jobs in the background ignore it
     )  # fmt: skip
-    ends = time.monotonic() + 600
-    while not notes.exists() and time.monotonic() < ends:
-        time.sleep(0.05)
-    assert notes.exists()
+    wait_until(notes.exists)
     members = family(caller.pid)
     assert len(members) >= 3  # itself, fork server, worker
     os.killpg(caller.pid, signal.SIGINT)
     assert caller.communicate(timeout=600)[1].splitlines()[-1] == "KeyboardInterrupt"
-    ends = time.monotonic() + 600
-    while any(Path(f"/proc/{pid}").exists() for pid in members) and time.monotonic() < ends:
-        time.sleep(0.05)
-    assert [pid for pid in members if Path(f"/proc/{pid}").exists()] == []
+    wait_until(lambda: all(map(gone, members)))
 
 
 def test_an_interrupt_while_the_fork_server_imports_is_told_by_the_caller_only(tmp_path):
@@ -122,8 +116,6 @@ def test_an_interrupt_while_the_fork_server_imports_is_told_by_the_caller_only(t
         stderr=subprocess.PIPE, text=True, start_new_session=True, env=dict(os.environ) | {"PYTHONPATH": str(ROOT)},
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
-    ends = time.monotonic() + 600
-    while not (tmp_path / "importing").exists() and time.monotonic() < ends:
-        time.sleep(0.05)
+    wait_until((tmp_path / "importing").exists)
     os.killpg(caller.pid, signal.SIGINT)
     assert caller.communicate(timeout=600)[1].count("KeyboardInterrupt") == 1

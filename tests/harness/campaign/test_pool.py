@@ -138,8 +138,8 @@ def test_an_answer_that_comes_late_is_not_the_next_job_s():
     assert seen.results == {"late_thread": "late_thread" * 2, "wait": "waitwait", "after": "afterafter"}
 
 
-def test_a_library_may_use_multiprocessing():
-    assert run(["pool"]).results["pool"] == 14
+def test_a_library_may_use_multiprocessing_and_print_much():
+    assert run(["pool", "print_much"]).results == {"pool": 14, "print_much": "print_much" * 2}
 
 
 def test_a_job_that_cannot_be_sent_is_named_whatever_its_classes_raise():

@@ -54,17 +54,6 @@ def test_a_report_holds_what_the_contract_says(made_up, tmp_path, capsys):
     assert [bool(re.fullmatch(row, line)) for line in captured.err.splitlines()] == [True] * 4
     assert words_of(captured.err) == ""
     assert captured.out.splitlines()[-1] == "out/made_up/report.md; gate met"
-
-
-def test_the_report_begins_with_a_row_a_solver(made_up, tmp_path):
-    run(made_up, "--out", "out")
-    lines = (tmp_path / "out/made_up/report.md").read_text().splitlines()
-    assert lines[0] == "# A made-up system"
-    assert lines[2].startswith("| solver |")
-    assert lines[4].startswith("| `henon` | 6 |")
-    assert lines[4].endswith("| 1e-6 | 2 of 2 |  |")
-    assert lines[5].startswith("| `heyoka` |  |  |  |  | 0 of 2 |")
-    assert lines[5].endswith("| 1 missed, 0 spurious at 1e-3, 1e-6 |")
     assert (tmp_path / "out/README.md").read_text().startswith("# Reports")
 
 
@@ -173,11 +162,9 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--solvers", ","], "--solvers: the list is empty"),
         (["--require", ""], "--require: the list is empty"),
         (["--tolerances", "1e-3,abc"], "not 'abc'"),
-        (["--tolerances", "nan"], "between 1e-16 and 1"),
+        (["--tolerances", "1e-9,1e-400"], "--tolerances: a tolerance lies between 1e-16 and 1, not '1e-400'"),
         (["--repeats", "0"], "repeats"),
         (["--timeout", "soon"], "timeout"),
-        (["--timeout", "nan"], "timeout"),
-        (["--timeout", "inf"], "timeout"),
         (["--timeout", "2e6"], "timeout"),
         (["--out", ""], "the path is empty"),
         (["--out", " "], "the path is empty"),
@@ -187,6 +174,7 @@ def test_a_case_without_a_gate_says_so_where_the_gate_is_asked_for(tmp_path, cap
         (["--out", "bytes"], "bytes/README.md: was not written by henon_ref"),
         (["--out", "nested"], "nested/README.md: was not written by henon_ref"),
         (["--out", "made_up.yaml"], "is a file"),
+        (["--out", "lost"], "lost is a link without a target; --out requires a folder"),
         (["--bogus"], "--bogus"),
         (["nowhere.yaml"], "nowhere.yaml"),
         (["made_up.yaml", "copy.yaml"], "the name 'made_up' is also that of"),
@@ -201,6 +189,7 @@ def test_a_bad_argument_is_one_message_and_nothing_is_written(made_up, tmp_path,
         (tmp_path / name).mkdir()
         (tmp_path / name / "README.md").write_bytes(content)
     (tmp_path / "nested" / "README.md").mkdir(parents=True)
+    (tmp_path / "lost").symlink_to(tmp_path / "gone")
     before = sorted(tmp_path.rglob("*"))
     assert run(made_up, *arguments) == 2
     captured = capsys.readouterr()

@@ -282,7 +282,12 @@ def test_a_file_of_known_failures_that_is_not_there_is_named_once(out, capsys):
 
 def test_what_is_no_report_is_said(out, capsys):
     Path("empty").mkdir()
-    for path, words in (("gone", "there is no such file"), ("empty", "the folder has no report")):
+    known = {
+        "gone": "there is no such file",
+        "empty": "the folder has no report",
+        "/dev/null": "this is not a regular file",
+    }
+    for path, words in known.items():
         assert gate(path) == 2
         assert capsys.readouterr().err == f"error: {path}: {words}; expected a runs.csv, or a folder of reports\n"
 

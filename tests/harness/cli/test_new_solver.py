@@ -6,10 +6,11 @@ import csv
 import os
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
+from editable import install
+from programs import RAMP
 
 from henon_ref.harness.cli import new_solver
 from henon_ref.harness.cli.new_solver import command
@@ -17,21 +18,12 @@ from henon_ref.harness.cli.new_solver import command
 ROOT = Path(__file__).parents[3]
 
 
-def installed(folder: Path, name: str) -> None:
-    """What an installer writes for an editable package, so that its entry point is found on the path."""
-    given = tomllib.loads((folder / "pyproject.toml").read_text())
-    points = given["project"]["entry-points"]["henon_ref.solvers"]
-    information = folder / "src" / f"{name.replace('-', '_')}-{given['project']['version']}.dist-info"
-    information.mkdir()
-    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1.0\n")
-    lines = ["[henon_ref.solvers]", *(f"{key} = {value}" for key, value in points.items())]
-    (information / "entry_points.txt").write_text("\n".join(lines) + "\n")
-
-
-def with_path(folder: Path) -> dict[str, str]:
-    return dict(os.environ) | {
-        "PYTHONPATH": os.pathsep.join([str(folder / "src"), str(ROOT), str(ROOT / "tests/support")])
-    }
+def installed(package: Path) -> dict[str, str]:
+    """The environment in which a package is installed."""
+    place = package.parent / "packages"
+    place.mkdir()
+    install(package, place)
+    return dict(os.environ) | {"PYTHONPATH": os.pathsep.join([str(place), str(ROOT), str(ROOT / "tests/support")])}
 
 
 def test_the_package_as_it_is_written_gets_right_rows(tmp_path, monkeypatch, capsys):
@@ -42,14 +34,13 @@ def test_the_package_as_it_is_written_gets_right_rows(tmp_path, monkeypatch, cap
     folder = tmp_path / "my_rk"
     files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     assert files == {"pyproject.toml", "README.md", "src/my_rk.py", "tests/test_my_rk.py"}
-    installed(folder, "my_rk")
     case = ROOT / "cases/leaving_slide.yaml"
     options = ["--solvers", "my_rk", "--repeats", "1", "--no-figures", "--tolerances", "1e-6,1e-9", "--timeout", "60"]
     subprocess.run(
         [sys.executable, "-m", "henon_ref.compare", str(case), *options],
         check=True,
         cwd=tmp_path,
-        env=with_path(folder),
+        env=installed(folder),
     )
     with (tmp_path / "out/leaving_slide/runs.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -153,17 +144,13 @@ def test_a_program_in_another_language_is_named_on_the_command_line(tmp_path, mo
     folder = tmp_path / "my-program"
     assert f"COMMAND = ('{sys.executable}', '{program}')" in (folder / "src/my_program.py").read_text()
     assert "names its program" in (folder / "README.md").read_text()
-    installed(folder, "my-program")
-    (tmp_path / "ramp.yaml").write_text(
-        'schema: 1\nname: ramp\ntitle: Up\nsystem: {state: [x], surfaces: {s: x}, field: ["1"]}\n'
-        'initial: {t: 0, x: -1}\nuntil: 2\nexact: {transition_times: ["1"]}\ntolerances: [1e-6]\n'
-    )
+    (tmp_path / "ramp.yaml").write_text(RAMP)
     options = ["--solvers", "my-program", "--require", "my-program", "--repeats", "2", "--no-figures"]
     subprocess.run(
         [sys.executable, "-m", "henon_ref.compare", "ramp.yaml", *options],
         check=True,
         cwd=tmp_path,
-        env=with_path(folder),
+        env=installed(folder),
     )
     with (tmp_path / "out/ramp/runs.csv").open() as file:
         (row,) = csv.DictReader(file)

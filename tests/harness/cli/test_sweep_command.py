@@ -6,13 +6,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from processes import wait_until
 from sweep_systems import SWEEP, parquet_files
 
 from henon_ref.harness.cli.main import sweep_program as program
@@ -116,10 +116,7 @@ def test_an_interrupt_leaves_whole_files_and_no_workers_and_can_be_resumed(belts
     assert sum("points" in name for name in finished) == 3
     for file in Path("out").rglob("*.parquet"):
         pd.read_parquet(file)
-    ends = time.monotonic() + PATIENCE
-    while _at_work(process.pid) and time.monotonic() < ends:
-        time.sleep(0.1)
-    assert not _at_work(process.pid)
+    wait_until(lambda: not _at_work(process.pid))
     assert program(["belts.yaml", "--jobs", "1", "--resume", "--quiet"]) == 0
     assert program(["belts.yaml", "--jobs", "1", "--out", "whole", "--quiet"]) == 0
     assert parquet_files(Path("out")) == parquet_files(Path("whole"))

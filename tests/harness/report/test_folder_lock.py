@@ -7,13 +7,12 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from commands import run
 from fakes import CASE
+from processes import wait_until
 
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import journal
@@ -53,13 +52,6 @@ def begun(folder: Path, case: str, behaviour: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, str(script)], cwd=folder, env=environment, text=True, stderr=subprocess.PIPE
     )
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + SECONDS
-    while not holds():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
 
 
 def snapshot(folder: Path) -> dict[str, tuple[int, bytes]]:

@@ -12,12 +12,12 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 import pytest
 from commands import run
 from often import daily
+from processes import wait_until
 
 from henon_ref.errors import CaseError
 from henon_ref.harness.campaign import journal
@@ -283,9 +283,7 @@ def test_an_interrupt_keeps_finished_rows_and_says_how_to_go_on(made_up, tmp_pat
     )
     process = subprocess.Popen([sys.executable, str(script)], stderr=subprocess.PIPE, text=True, cwd=tmp_path)
     partial = tmp_path / "out" / "made_up" / journal.FILE
-    deadline = time.monotonic() + PATIENCE
-    while len(journal.read(partial)) < 2 and time.monotonic() < deadline:
-        time.sleep(0.05)
+    wait_until(lambda: len(journal.read(partial)) >= 2)
     process.send_signal(number)
     _, errors = process.communicate(timeout=PATIENCE)
     if number == signal.SIGKILL:  # nothing can be said any more, and nothing is lost

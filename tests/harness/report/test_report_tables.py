@@ -88,10 +88,6 @@ def test_the_exact_run_has_a_row(changes, end, note):
 
 
 def test_what_is_proven_of_a_truth_and_why_the_rest_is_not():
-    assert truth(usual())["certified"][1].startswith("every one of the 5 is enclosed in ball arithmetic")
-    assert truth(usual())["largest radius of a transition time"] == ("1e-30 s", "no error is claimed below it")
-    assert truth(usual())["computed by"] == ("made up", "256 bits, 0.1 s")
-
     def partly(proven: int) -> dict[str, tuple[str, ...]]:
         exact = expected(transitions=[replace(event, proven=k < proven) for k, event in enumerate(reference())])
         return truth(compared(exact=exact, certified=False, uncertified_because="a graze, at t = 1."))

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
+from base64 import b64encode
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from fakes import CASE, case
 from html_pages import RUNS, SCHEMES, SIZES, comparison, opened, serious, set_value, sideways, texts, titled
@@ -19,6 +22,7 @@ from henon_ref.harness.report.case_report import write_report
 from henon_ref.harness.report.choice import choice_rows
 from henon_ref.harness.report.folder_report import write_folder_report
 from henon_ref.harness.report.matrix import read_matrix
+from henon_ref.harness.report.rendering import CELLS
 from henon_ref.harness.score.ranking import LEVELS
 
 
@@ -51,6 +55,34 @@ def test_it_works_copied_alone_into_an_empty_folder(chromium: Any, reports: Path
         assert rows_of(seen.page) == list(RUNS)
         assert seen.page.locator("#portrait svg path.piece").count() > 0
         assert seen.page.locator("#work svg path").count() > 0
+
+
+@pytest.mark.parametrize("earlier", [False, True], ids=["steps", "base64"])
+def test_a_portrait_is_drawn_through_its_points(chromium: Any, tmp_path: Path, earlier: bool) -> None:
+    write_report(comparison("second"), ORIGIN, tmp_path)
+    file = tmp_path / "second" / "page.json"
+    words = json.loads(file.read_text(encoding="utf-8"))
+    portrait = words["portraits"]["default"]
+    steps = [np.array(text.split(), dtype=int).reshape(-1, 2) for _, text in portrait["pieces"]]
+    points = np.concatenate([own.cumsum(axis=0) for own in steps])
+    texts_of_pieces = [text for _, text in portrait["pieces"]]
+    if earlier:
+        places = [own.cumsum(axis=0) * 4096 // CELLS for own in steps]
+        texts_of_pieces = [b64encode(own.astype("<i2").tobytes()).decode() for own in places]
+    portrait["pieces"] = [["slip", text] for text in texts_of_pieces]  # in this order, which sticks would change
+    file.write_text(json.dumps(words), encoding="utf-8")
+    write_folder_report(tmp_path)
+    with opened(chromium, tmp_path / "index.html") as seen:
+        pieces = seen.page.locator("#portrait svg path.piece").all()
+        text = " ".join(
+            str(own.get_attribute("d")) for own in pieces if "surface" not in str(own.get_attribute("class"))
+        )
+        frame = seen.page.locator("#portrait svg clipPath rect")
+        left, top, width, height = (float(frame.get_attribute(name)) for name in ("x", "y", "width", "height"))
+    drawn = np.array(re.findall(r"-?[\d.]+", text), dtype=float).reshape(-1, 2)
+    share = points / CELLS
+    placed = np.column_stack([left + share[:, 0] * width, top + (1 - share[:, 1]) * height])
+    assert np.abs(drawn - placed).max() < 0.06
 
 
 def test_the_digits_wanted_lead_to_the_choice_that_the_index_makes(chromium: Any, reports: Path) -> None:
@@ -223,7 +255,7 @@ def test_a_solver_that_ran_on_a_part_stands_below_those_that_get_there_more_ofte
         widths = [float(own) for own in seen.page.locator("#reaches .bar-in").evaluate_all(
             "bars => bars.map((bar) => bar.getAttribute('width'))")]  # fmt: skip
         assert widths == pytest.approx([widths[0], widths[0], *[widths[0] / 2] * 3])
-        assert "all 2 readings with a transition time" in seen.page.locator("#reaches-note").inner_text()
+        assert "Full width: 2 readings with a transition time." in seen.page.locator("#reaches-note").inner_text()
 
 
 def test_every_standing_has_a_colour_and_stands_in_the_key(chromium: Any, tmp_path: Path) -> None:

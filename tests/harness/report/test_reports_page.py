@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from base64 import b64decode
 from collections import Counter
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -131,7 +130,8 @@ def test_a_portrait_has_few_points_none_of_which_lies_beside_the_curve() -> None
     (piece,) = made["pieces"]
     low, high = np.array(made["limits"]).T
     size = high - low
-    kept = np.frombuffer(b64decode(piece[1]), dtype="<i2").reshape(-1, 2) / CELLS * size + low
+    steps = np.array(piece[1].split(), dtype=int).reshape(-1, 2)
+    kept = steps.cumsum(axis=0) / CELLS * size + low
     assert 40 < len(kept) <= MOST_POINTS
     for point in kept[:: len(kept) // 40]:
         assert np.min(np.hypot(*((points - point) / size).T)) < 0.02
@@ -175,6 +175,8 @@ def test_what_a_stranger_writes_is_text_and_no_part_of_the_page(tmp_path: Path) 
     assert not [name for name, _ in tags if name == "img"]
     assert "alert(1)</script>" not in text
     data = read_embedded(text)
+    for reading in data["cases"][0]["readings"]:
+        del reading["portrait"]  # numbers
     assert "7*7" in str(data)
     assert " 49 " not in text + str(data)
     assert data["cases"][0]["title"] == SHOWN

@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from henon_ref.harness.report.svg import BEND, UNIT, shortened
+from henon_ref.figures import style
+from henon_ref.harness.report.svg import BEND, UNIT, shortened, svg
 
 
 def path_of(points: np.ndarray) -> bytes:
@@ -58,3 +59,53 @@ def test_what_has_been_shortened_stays() -> None:
         once = shortened(content)
         assert len(once) < len(content)
         assert shortened(once) == once
+
+
+def drawn() -> str:
+    """A figure with a label, a formula, ticks, and two curves of hollow and of full markers."""
+    with style.figure(2.0) as figure:
+        axes = figure.add_subplot()
+        axes.plot([0, 1], [0, 1], "o", color="red", mfc="white")
+        axes.plot([0, 1, 2], [1, 0, 1], "o", color="red")
+        axes.set(title=r"$x_1$", xlabel='two   spaces, x="1.23456"')
+    return svg(figure).decode()
+
+
+def test_text_is_text_in_fonts_with_a_substitute() -> None:
+    content = drawn()
+    assert '>two   spaces, x="1.23456"</text>' in content
+    assert "text{white-space: pre}" in content
+    assert set(re.findall("'DejaVu[^;}\"]*", content)) == {"'DejaVu Sans', 'Verdana', sans-serif"}
+
+
+def test_the_style_of_a_marker_is_written_with_its_path() -> None:
+    content = drawn()
+    rings = re.findall('<path id="(n\\d+)" d="M0 2.25[^"]*" style="([^"]*)"/>', content)
+    assert [own for _, own in rings] == ["stroke: #ff0000; fill: #ffffff", "stroke: #ff0000; fill: #ff0000"]
+    for marker, count in zip([name for name, _ in rings], (2, 3), strict=True):
+        assert len(re.findall(f'<use href="#{marker}" x="[\\d.]+" y="[\\d.]+"/>', content)) == count
+
+
+def test_groups_are_closed_and_have_a_purpose() -> None:
+    content = drawn()
+    assert "<g>" not in content
+    assert content.count("<g ") == content.count("</g>") > 0
+    assert shortened(content.encode()).decode() == content
+
+
+def test_places_are_rounded_and_scales_are_not() -> None:
+    group = b'<g transform="translate(1.23456 7) scale(0.015625 -0.095)">\n<path d="M 0 0 \nL 1.234567 2"/>\n</g>'
+    short = b'<g transform="translate(1.23 7) scale(0.015625 -0.095)">\n<path d="M0 0l1.23 2"/>\n</g>'
+    assert shortened(group) == short
+
+
+def test_symbols_of_formulas_that_few_fonts_have_are_outlines() -> None:
+    with style.figure(2.0) as figure:
+        axes = figure.add_subplot()
+        axes.set(xlabel=r"$x_1 = \mu/2$ [m]", ylabel=r"$h = \sqrt{3}$")
+    content = svg(figure).decode()
+    texts = re.findall("<(?:tspan|text) [^>]*>([^<\n]*)<", content)
+    assert {"μ", "x"} <= set(texts)
+    assert not {"h", "3"} & set(texts)
+    assert "STIX" not in content
+    assert re.search('<path d="[^"]*q', content)  # letters have curves of order two

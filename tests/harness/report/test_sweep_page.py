@@ -15,8 +15,10 @@ from html_pages import MOST_BYTES, SCHEMES, SIZES, opened, serious, sideways
 from sweep_systems import SWEEP, belt, sliding_block
 
 import henon_ref
+from henon_ref.errors import CaseError
 from henon_ref.harness.cli.main import sweep_program as program
 from henon_ref.harness.report import sweep_page
+from henon_ref.harness.report.folder import check_index
 from henon_ref.harness.report.rendering import read_embedded
 from henon_ref.harness.report.sweep_page import (
     MAX_PORTRAITS,
@@ -74,6 +76,8 @@ def test_the_page_is_made_from_the_folder_alone_and_stays_the_same(belts: Path, 
     (tmp_path / "copy" / "index.html").unlink()
     assert write_sweep_page(tmp_path / "copy") == tmp_path / "copy" / "index.html"
     assert (tmp_path / "copy" / "index.html").read_bytes() == before
+    with pytest.raises(CaseError, match=r"index\.html: is the page of a sweep; choose another folder"):
+        check_index(tmp_path / "copy")
 
 
 def test_a_sweep_from_python_with_a_folder_has_a_page(tmp_path: Path) -> None:

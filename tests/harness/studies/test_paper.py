@@ -63,6 +63,11 @@ def test_section_2_holds() -> None:
     assert claims["Eq. (1)"]["verdict"] == "corrected"
 
 
+def test_section_4_holds() -> None:
+    claims = checked("section_4")
+    assert claims["Eq. (23)"]["verdict"] == "reproduced"
+
+
 @pytest.mark.slow  # daily: section 2, by the same analysis, and Fig. 8
 def test_section_3_holds_and_sticks_do_occur_in_fig_4() -> None:
     found = section3.fan_findings()

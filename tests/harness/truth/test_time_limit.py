@@ -8,8 +8,9 @@ from math import inf
 from pathlib import Path
 
 import pytest
+from problems import HEAD, read_problem
 
-from henon_ref.casefile.case import Case, parse_case
+from henon_ref.casefile.case import parse_case
 from henon_ref.harness.campaign import progress
 from henon_ref.harness.campaign.progress import TRUTH, ProgressLine
 from henon_ref.harness.registry import solver
@@ -19,33 +20,21 @@ from henon_ref.harness.truth.multiprecision.run import simulate
 from henon_ref.harness.truth.reference import OUT_OF_TIME
 
 LEVEL = """\
-schema: 1
-name: level
-title: Flow through an orifice until the levels are equal
-source: https://github.com/OpenModelica/OpenModelica/issues/12621
 system: {state: [d], field: ["-2*sign(d)*sqrt(abs(d))"]}
 initial: {t: 0, d: 1}
 until: 3
-tolerances: [1e-9]
 """
+"""Flow through an orifice until the levels are equal (https://github.com/OpenModelica/OpenModelica/issues/12621)."""
 BOUNCES = """\
-schema: 1
-name: swinging
-title: A pendulum with friction
-source: closed form
 system: {state: [x, v], surfaces: {s: v}, field: [v, "-x - s/10"]}
 initial: {x: 5, v: 0}
 until: 20
 """
 
 
-def case(text: str) -> Case:
-    return parse_case(text)
-
-
 def test_a_truth_ends_beside_a_kink_where_nothing_moves_on_as_henon_does() -> None:
     """d = (1 - t)^2 up to 1: the steps in front of it shrink one after the other, by the same part each."""
-    problem = case(LEVEL).readings[0].problem
+    problem = read_problem(LEVEL)
     found, own = simulate(problem, 128), solver("henon").prepare(problem, rtol=1e-9)()
     assert (found.status, found.instants, own.status) == ("failed", [], "failed")
     assert float(found.end_time) == pytest.approx(1.0, abs=1e-15)
@@ -55,7 +44,7 @@ def test_a_truth_ends_beside_a_kink_where_nothing_moves_on_as_henon_does() -> No
 
 
 def test_a_truth_out_of_time_is_what_was_found_by_then() -> None:
-    problem = case(BOUNCES).readings[0].problem
+    problem = read_problem(BOUNCES)
     whole = multiprecision(problem)
     cut = multiprecision(problem, seconds=0.0)
     assert len(whole.transitions) > 3
@@ -69,7 +58,7 @@ def test_a_truth_that_was_cut_short_is_not_kept(monkeypatch: pytest.MonkeyPatch,
     monkeypatch.setattr(compute, "COMPUTED_SECONDS", 0.0)
     monkeypatch.setattr(compute, "PROOF_SECONDS", 0.0)
     monkeypatch.setattr(compute, "BARREN_SECONDS", 0.0)
-    own = case(BOUNCES)
+    own = parse_case(HEAD + BOUNCES)
     cut = compute.truth_for(own, own.readings[0], folder=tmp_path)
     assert cut.reason.startswith(OUT_OF_TIME)
     assert list(tmp_path.iterdir()) == []

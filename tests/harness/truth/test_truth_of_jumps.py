@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import sympy as sp
 from flint import arb
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.harness.registry import solver
 from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.harness.truth.multiprecision.route import multiprecision
@@ -86,11 +86,6 @@ def test_a_rest_at_the_instant_of_its_impact_moves_with_it() -> None:
     Restitution 0 leaves no speed: friction sticks, and the body rests on the stop at once, by rows of that one instant.
     """
     text = """\
-schema: 1
-name: brought_to_rest
-title: A sliding body that a stop brings to rest
-source: closed form
-equations: x'' = -3/10 sign(v)
 scene:
   bodies: {a: {mass: 1}, wall: fixed}
   connections:
@@ -99,7 +94,7 @@ scene:
 initial: {x_a: 1, v_a: -2}
 until: 2
 """
-    problem = parse_case(text).readings[0].problem
+    problem = read_problem(text)
     found = multiprecision(problem).transitions
     w = (4 - 0.6) ** 0.5
     t0 = (2 - w) / 0.3

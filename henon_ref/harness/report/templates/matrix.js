@@ -63,7 +63,7 @@ function drawChoice(digits, kind) {
   lines.sort((a, b) => a.solver.few - b.solver.few);
   drawBars(byId("reaches"), lines, group.all, `Number of ${group.readings} in which each solver obtains ${level.wanted}, and its time`);
   byId("reaches-note").textContent = `Dark: readings in which the solver obtains ${level.wanted}. Pale: readings in which it is judged. ` +
-    `Full width: all ${group.readings}. Dots: median of its time over that of the fastest solver, in the readings of the dark bar.`;
+    `Full width: ${group.readings}. Dots: median of its time over that of the fastest solver, in the readings of the dark bar.`;
 }
 
 /** Description of a solver's project, with its address. */

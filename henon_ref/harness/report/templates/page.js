@@ -270,11 +270,19 @@ function marker(kind, x, y, style, hollow, attributes) {
 }
 // Phase portrait, drawn from packed points (henon_ref/harness/report/rendering.py).
 
-/** Unpack the points of a portrait, as fractions of its limits (0 to 1). */
+/** Unpack the points of a portrait, as fractions of its limits (0 to 1); of earlier reports, base64 text. */
 function pointsOf(text) {
-  const numbers = new DataView(bytesOf(text).buffer);
-  return Array.from({ length: numbers.byteLength / 4 }, (_, k) =>
-    [numbers.getInt16(4 * k, true) / 4096, numbers.getInt16(4 * k + 2, true) / 4096]);
+  if (!text.includes(" ")) {
+    const numbers = new DataView(bytesOf(text).buffer);
+    return Array.from({ length: numbers.byteLength / 4 }, (_, k) =>
+      [numbers.getInt16(4 * k, true) / 4096, numbers.getInt16(4 * k + 2, true) / 4096]);
+  }
+  const steps = text.split(" ").map(Number), place = [0, 0];
+  return Array.from({ length: steps.length / 2 }, (_, k) => {
+    place[0] += steps[2 * k];
+    place[1] += steps[2 * k + 1];
+    return place.map((value) => value / 2048);
+  });
 }
 
 const pieceClass = (label) =>

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -10,6 +9,7 @@ import sympy as sp
 import systems
 from flint import arb, ctx
 from multiprecision import simulate
+from problems import make_problem
 
 from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.modes.problem import Problem
@@ -48,57 +48,58 @@ def test_closed_forms_come_out_to_70_digits(problem: Problem, exact: list[sp.Exp
     assert max(times_apart(run, exact)) < DIGITS
 
 
-def test_a_pair_of_roots_inside_one_step_is_not_stepped_over(problem: Callable[..., Problem]) -> None:
+def test_a_pair_of_roots_inside_one_step_is_not_stepped_over() -> None:
     """x = (t - 1)^2 - 1e-16 and no mode differs from another: crossings at 1 -+ 1e-8."""
-    run = simulate(problem("x v", ["v", "2"], {"s": "x"}, ["1 - 10^(-16)".replace("^", "**"), "-2"], 3), BITS)
+    run = simulate(make_problem("x v", ["v", "2"], {"s": "x"}, ["1 - 10^(-16)".replace("^", "**"), "-2"], 3), BITS)
     assert [e.to_mode for e, *_ in run.instants] == [(-1,), (1,)]
     small = sp.Rational(1, 10**8)
     assert max(times_apart(run, [1 - small, 1 + small])) < 1e-60
 
 
-def test_an_exact_double_root_is_a_graze_with_all_its_digits(problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x v", ["v", "2"], {"s": "x"}, [1, -2], 3), BITS)
+def test_an_exact_double_root_is_a_graze_with_all_its_digits() -> None:
+    run = simulate(make_problem("x v", ["v", "2"], {"s": "x"}, [1, -2], 3), BITS)
     ((event,),) = run.instants
     assert (event.from_mode, event.to_mode, event.surface, event.rate) == ((1,), (1,), 0, 0)
     assert times_apart(run, [sp.Integer(1)])[0] < DIGITS
 
 
-def test_a_near_graze_is_told_with_its_distance(problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x v", ["v", "2"], {"s": "x"}, ["1 + 1/10**12", "-2"], 3), BITS)
+def test_a_near_graze_is_told_with_its_distance() -> None:
+    run = simulate(make_problem("x v", ["v", "2"], {"s": "x"}, ["1 + 1/10**12", "-2"], 3), BITS)
     assert run.instants == []
     (near,) = run.near_grazes
     assert near.time == pytest.approx(1)
     assert near.distance == pytest.approx(1e-12)
 
 
-def test_a_start_on_the_surface_does_not_hide_the_next_root(problem: Callable[..., Problem]) -> None:
+def test_a_start_on_the_surface_does_not_hide_the_next_root() -> None:
     """x = t - t^2 / 2: the root at t = 2, which heyoka misses with a direction (FACTS, section 4)."""
-    run = simulate(problem("x v", ["v", "-1"], {"s": "x"}, [0, 1], 3), BITS)
+    run = simulate(make_problem("x v", ["v", "-1"], {"s": "x"}, [0, 1], 3), BITS)
     assert [e.to_mode for e, *_ in run.instants] == [(-1,)]
     assert times_apart(run, [sp.Integer(2)])[0] < DIGITS
 
 
-def test_a_tangential_release_starts_from_a_double_zero(problem: Callable[..., Problem]) -> None:
+def test_a_tangential_release_starts_from_a_double_zero() -> None:
     """Slides until t = 1, leaves as (t - 1)^2 / 2 - (t - 1)^3 / 3, returns at t = 5/2."""
-    run = simulate(problem("x", ["(1 + s)*(t - 1)*(2 - t)/2 - (1 - s)*(t - 2)/2"], {"s": "x"}, [0], 4), BITS)
+    run = simulate(make_problem("x", ["(1 + s)*(t - 1)*(2 - t)/2 - (1 - s)*(t - 2)/2"], {"s": "x"}, [0], 4), BITS)
     assert run.instants[0][0].from_mode == (0,)
     assert run.instants[0][0].to_mode == (1,)
     assert max(times_apart(run, [sp.Integer(1), sp.Rational(5, 2)])) < 1e-60
 
 
-def test_a_sleeping_drive_is_not_leapt_over(problem: Callable[..., Problem]) -> None:
+def test_a_sleeping_drive_is_not_leapt_over() -> None:
     """A pulse at t = 10 whose derivatives at t = 0 are of size exp(-10^4) (scipy#19968)."""
-    run = simulate(problem("x", ["2*exp(-(10*(t - 10))**2) - s"], {"s": "x"}, [0], 20), BITS)
+    run = simulate(make_problem("x", ["2*exp(-(10*(t - 10))**2) - s"], {"s": "x"}, [0], 20), BITS)
     assert [e.to_mode for e, *_ in run.instants] == [(1,), (0,)]
     assert times_apart(run, [10 - sp.sqrt(sp.log(2)) / 10])[0] < DIGITS
 
 
 @pytest.mark.parametrize(("power", "bits"), [(3, 224), (3, 256), (7, 224), (11, 224), (11, 256)])
 def test_coefficients_that_are_zero_by_symmetry_limit_no_step(
-    power: int, bits: int, problem: Callable[..., Problem]
+    power: int,
+    bits: int,
 ) -> None:
     """x'' = -x^n from (0, 1): one coefficient of n + 1 is not zero; the last two are zero, except for n = 3 at 256."""
-    run = simulate(problem("x v", ["v", f"-x^{power}"], {"s": "v"}, [0, 1], 6), bits)
+    run = simulate(make_problem("x v", ["v", f"-x^{power}"], {"s": "v"}, [0, 1], 6), bits)
     part = sp.Rational(1, power + 1)
     quarter = (
         part * (2 * part) ** -part * sp.gamma(part) * sp.gamma(sp.Rational(1, 2)) / sp.gamma(part + sp.Rational(1, 2))
@@ -106,9 +107,9 @@ def test_coefficients_that_are_zero_by_symmetry_limit_no_step(
     assert max(times_apart(run, [quarter, 3 * quarter])) < 1e-60
 
 
-def test_simultaneous_events_are_one_instant(problem: Callable[..., Problem]) -> None:
+def test_simultaneous_events_are_one_instant() -> None:
     fields = ["-1 + 0*s", "-1/3 + 0*u"]
-    run = simulate(problem("x y", fields, {"s": "x", "u": "y"}, ["1/3", "1/9"], 1), BITS)
+    run = simulate(make_problem("x y", fields, {"s": "x", "u": "y"}, ["1/3", "1/9"], 1), BITS)
     (instant,) = run.instants
     assert [t.surface for t in instant] == [0, 1]
     assert {(t.from_mode, t.to_mode) for t in instant} == {((1, 1), (-1, -1))}
@@ -121,21 +122,21 @@ def test_several_contacts_stick_at_once() -> None:
 
 
 @pytest.mark.parametrize("until", ["63.3", "1", "0.1"])
-def test_a_horizon_between_two_numbers_is_reached(until: str, problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x", ["0*s"], {"s": "x"}, [1], until), 128)
+def test_a_horizon_between_two_numbers_is_reached(until: str) -> None:
+    run = simulate(make_problem("x", ["0*s"], {"s": "x"}, [1], until), 128)
     assert run.status == "ok"
     assert float(run.end_time) == float(until)
 
 
 @pytest.mark.parametrize("until", ["1", "1/3", "1 + 2**(-52)"])
-def test_an_event_at_the_horizon_counts(until: str, problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x", ["(3 + s)/2"], {"s": "x"}, [f"-({until})"], until), BITS)
+def test_an_event_at_the_horizon_counts(until: str) -> None:
+    run = simulate(make_problem("x", ["(3 + s)/2"], {"s": "x"}, [f"-({until})"], until), BITS)
     assert run.status == "ok"
     assert [e.to_mode for e, *_ in run.instants] == [(1,)]
 
 
-def test_a_given_mode_that_fails_at_once_changes_at_the_start(problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x", ["-2 + s"], {"s": "x"}, [0], 1, mode={0: 1}), 128)
+def test_a_given_mode_that_fails_at_once_changes_at_the_start() -> None:
+    run = simulate(make_problem("x", ["-2 + s"], {"s": "x"}, [0], 1, mode={0: 1}), 128)
     ((event,),) = run.instants
     assert (float(event.time), event.from_mode, event.to_mode) == (0.0, (1,), (-1,))
 
@@ -158,8 +159,8 @@ def test_a_future_that_branches_is_nonunique() -> None:
     assert "not unique" in run.reason
 
 
-def test_sliding_that_turns_repelling_is_nonunique_from_there(problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x", ["s*(t - 1)"], {"s": "x"}, [0], 2), 128)
+def test_sliding_that_turns_repelling_is_nonunique_from_there() -> None:
+    run = simulate(make_problem("x", ["s*(t - 1)"], {"s": "x"}, [0], 2), 128)
     assert run.status == "nonunique"
     assert float(run.end_time) == 1.0
 
@@ -170,15 +171,15 @@ def test_blow_up_ends_at_its_time() -> None:
     assert float(run.end_time) == pytest.approx(1, abs=1e-15)
 
 
-def test_a_field_that_ends_is_no_blow_up(problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x y", ["-1 + 0*s", "sqrt(x)"], {"s": "x + 1"}, [1, 0], 2), 128)
+def test_a_field_that_ends_is_no_blow_up() -> None:
+    run = simulate(make_problem("x y", ["-1 + 0*s", "sqrt(x)"], {"s": "x + 1"}, [1, 0], 2), 128)
     assert run.status == "failed"
     assert "singular" in run.reason
     assert float(run.end_time) == pytest.approx(1, abs=1e-15)
 
 
-def test_the_end_of_the_model_is_invalid(problem: Callable[..., Problem]) -> None:
-    run = simulate(problem("x", ["-1 + 0*s"], {"s": "x + 5"}, [1], 3, valid=["x - 1/4"]), BITS)
+def test_the_end_of_the_model_is_invalid() -> None:
+    run = simulate(make_problem("x", ["-1 + 0*s"], {"s": "x + 5"}, [1], 3, valid=["x - 1/4"]), BITS)
     assert run.status == "invalid"
     assert abs(run.end_time - arb(0.75)) < DIGITS
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from problems import read_problem
 
-from henon_ref.casefile.case import parse_case
 from henon_ref.harness.truth.multiprecision.run import simulate
 from henon_ref.harness.truth.multiprecision.stepper import Stepper
 
 MOST = 100
 """Steps: eight are needed; with the guard's derivative enclosed they had 2.5e-7 s each."""
 TEXT = """\
-schema: 1
-name: pressed
-title: Two blocks pressed together, a second stop between them
 scene:
   bodies: {a: {mass: 1}, b: {mass: 1/2}, wall: fixed}
   connections:
@@ -29,6 +26,7 @@ scene:
 initial: {t: 0, x_a: 1, v_a: -2, x_b: 0.5, v_b: 1.4}
 until: 12
 """
+"""Two blocks pressed together, a second stop between them."""
 
 
 def test_a_guard_that_a_rest_keeps_constant_does_not_cut_steps(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -40,6 +38,6 @@ def test_a_guard_that_a_rest_keeps_constant_does_not_cut_steps(monkeypatch: pyte
         return step(self, limit)
 
     monkeypatch.setattr(Stepper, "step", counted)
-    run = simulate(parse_case(TEXT).readings[0].problem, 320)
+    run = simulate(read_problem(TEXT), 320)
     assert run.status == "ok"
     assert run.instants[1][0].to_mode[2] == 0  # it rests on the second stop
