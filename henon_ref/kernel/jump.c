@@ -26,8 +26,7 @@ struct jump {
     int64_t surface;
     double speed;                /* speed at which the surface is reached */
     double *state, *low;         /* state after the jump, and what rounding lost of it */
-    double *values;              /* of surfaces after the jump, 0 if the side is unchanged; then the part of the speed
-                                    that the impact leaves, 1 if the jump is not an impact */
+    double *values;              /* of surfaces after the jump, 0: same side; then the ratio of an impact, else 1 */
     bool kept;                   /* whether the map keeps the surface's function */
     int64_t landed;              /* another surface on which the map puts the state; -1 if none */
     int64_t landed_zeros;        /* known zeros with which that surface is left; 0 if the mode slides on it */
@@ -136,8 +135,7 @@ static bool holds(const struct work *w, struct jump *jump, int64_t row, int64_t 
 {
     const struct run *run = w->run;
     const struct mode *mode = mode_at(w, row);
-    const double *constants = constants_of(w->tables, row, 0);
-    mode->expansion(run->time, run->time_low, run->unit, jump->state, constants, w->ahead);
+    mode->expansion(run->time, run->time_low, run->unit, jump->state, constants_of(w->tables, row, 0), w->ahead);
     jump->length = length_ahead(w, run->states + mode->guards);
     bool clear = jump->length > 0.0;
     for (int64_t g = 0; g < mode->guards; g++) {
@@ -189,9 +187,9 @@ static bool undisturbed(const struct work *w, const struct jump *jump)
     bool found = true;
     for (int64_t g = 0; g < mode->guards; g++) {
         const double *row = row_ahead(w, w->run->states + g);
-        double rate = fabs(row[1]) + (mode->guard[g].coupled == RESETTING ? OTHER_STOP * jump->rise : 0.0);
-        found = found && (is_on(&mode->guard[g], jump->surface)
-                          || fabs(row[0]) > rate * time + fabs(row[2]) * time * time);
+        double more = mode->guard[g].coupled == RESETTING ? OTHER_STOP * jump->rise : 0.0;
+        bool clear = fabs(row[0]) > (fabs(row[1]) + more) * time + fabs(row[2]) * time * time;
+        found = found && (clear || is_on(&mode->guard[g], jump->surface));
     }
     return found;
 }
@@ -209,8 +207,7 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
     struct run *run = w->run;
     int64_t n = run->states, index = jump->surface;
     const double *row = row_ahead(w, n + guard_on(mode_at(w, jump->target), index));
-    double ratio = jump->values[w->mode->surfaces];
-    enum impact found = after_impact(run, jump, row, ratio, changes > 1);
+    enum impact found = after_impact(run, jump, row, jump->values[w->mode->surfaces], changes > 1);
     if (found == NOT_CLEAR || (found == RESTS && !undisturbed(w, jump)) || (found != LEAVES && jump->landed >= 0))
         return SELECT_MODE;
     jump->zeros = found == LIFTS_OFF ? 2 : 1;

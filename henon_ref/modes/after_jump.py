@@ -12,10 +12,11 @@ from typing import Any
 
 from henon_ref.errors import ModelError
 from henon_ref.modes.callables import ARITHMETIC
-from henon_ref.modes.cascade import SHRUNK, Cascade, Instant, Numbers, acting_groups
+from henon_ref.modes.cascade import SHRUNK, Cascade, acting_groups
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.inelastic_collapse import Flight, collapse, moved
+from henon_ref.modes.instant import Instant, Numbers
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.resets import Impact, impact_of, never_pressed, time_to_rest, turning_in_flight
 from henon_ref.modes.selection import mode_by_signs

@@ -6,11 +6,8 @@ the state stays, the rate h' decides: an impact becomes due if a map turns the r
 map turns it outward. A surface that has fired becomes due again only after a map has raised it, or its rate, above
 zero.
 
-Impacts at one instant may go on without end: without restitution, a body that falls on one at rest on the ground is
-stopped in infinitely many impacts, after each of which it has the same part of its speed. The maps act on the rates in
-proportion. So if all rates return, at the same surface, multiplied by one number below 1, the impacts never end, and
-their limit follows: the forces of these surfaces have made their rates zero. Of these impacts the first of each surface
-is kept.
+Impacts without end have a limit (:mod:`henon_ref.modes.impact_limit`); of these impacts the first of each surface is
+kept.
 
 Of several surfaces due, the one with the lowest priority is first. If several share this priority and act on each
 other, all orders are followed; if they lead to different states, the future is not unique.
@@ -18,16 +15,17 @@ other, all orders are followed; if they lead to different states, the future is 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Sequence
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import sympy as sp
 from sympy.utilities.iterables import connected_components
 
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
+from henon_ref.modes.impact_limit import PERIOD, recurs, without_speeds
+from henon_ref.modes.instant import Instant, Numbers, Rate
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import Impact, impact_of, jump_of
 from henon_ref.modes.system import FilippovSystem
@@ -37,66 +35,6 @@ MAX_MAPS = 1000
 """Largest number of maps at one instant."""
 SHRUNK = 2.0**-10
 """Part of the size of its terms below which a speed that impacts have reduced cannot be distinguished from zero."""
-PROPORTIONAL = 2.0**-30
-"""Difference, relative to the largest, up to which rates are proportional."""
-PERIOD = 64
-"""Largest number of maps after which rates are compared."""
-
-
-class Numbers(Protocol):
-    """Arithmetic of states: evaluation, and comparison with zero."""
-
-    rounding: float
-    """Part of the size of its terms below which a value counts as rounding of zero."""
-
-    def values(self, expressions: tuple[sp.Expr, ...], t: Any, x: Sequence[Any]) -> list[Any]:
-        """Values of expressions in time and states at a point; raises ``ARITHMETIC`` if one has none."""
-
-    def sign(self, value: Any) -> int:
-        """Sign of a value; 0 if it cannot be distinguished from zero."""
-
-    def guard_series(self, mode: Mode, t: Any, x: Sequence[Any]) -> Sequence[Sequence[Any]]:
-        """Taylor coefficients in time of a mode's guards."""
-
-    def at(self, t: Any, x: Sequence[Any]) -> Any:
-        """:class:`~henon_ref.modes.arithmetic.Point` at which modes are decided; messages contain its ``when``.
-
-        (Its type is not imported, because the enclosure, which uses this module, must not import mode selection.)
-        """
-
-
-@dataclass(frozen=True)
-class Rate:
-    """h' of a surface on which the state stays."""
-
-    before: Any
-    """h' before its last impact, or before the last map if there was no impact."""
-    now: Any
-    sign: int
-
-
-@dataclass(frozen=True)
-class Instant:
-    """State of the cascade after the maps applied so far."""
-
-    state: Sequence[Any]
-    sides: tuple[int, ...]
-    """Signs of the surfaces; 0 if the state is on the surface."""
-    due: frozenset[int]
-    """Surfaces whose maps are still to be applied."""
-    sizes: Sequence[Any]
-    """Scale of rounding errors of each state: the size of the terms from which it was computed."""
-    rates: Mapping[int, Rate] = field(default_factory=dict)
-    """Rates that a map has changed, of surfaces on which the state is."""
-    applied: tuple[tuple[int, Sequence[Any]], ...] = ()
-    """Surfaces whose maps were applied, in order, each with the state after its map."""
-
-    limit: bool = False
-    """Whether this is the limit of impacts without end."""
-
-    @property
-    def fired(self) -> set[int]:
-        return {i for i, _ in self.applied}
 
 
 class Cascade:
@@ -139,9 +77,9 @@ class Cascade:
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             bodies = self._bodies(made[-1])
-            if bodies and not turns and (self._endless or len(made) > PERIOD or self._recurs(made)):
+            if bodies and not turns and (self._endless or len(made) > PERIOD or recurs(made[-1 - PERIOD :])):
                 return self._in_turn(start)
-            if bodies and (self._endless or self._recurs(made)):
+            if bodies and (self._endless or recurs(made[-1 - PERIOD :])):
                 made.append(self._limit(made[-1], made[-1].fired))
                 break
             if self._endless or self._count >= MAX_MAPS:
@@ -173,52 +111,19 @@ class Cascade:
         impacts = {i: impact_of(self._system, i) for i in now.fired | now.due}
         return all(impact and not impact.refusal and i in now.rates for i, impact in impacts.items())
 
-    @staticmethod
-    def _recurs(made: Sequence[Instant]) -> bool:
-        """Return whether the rates after the last map are proportional to those after an earlier one, and smaller.
-
-        All surfaces that are due have been applied between.
-        """
-        *earlier, now = made[-1 - PERIOD :]
-        for before in earlier:
-            if (before.due, before.sides, before.rates.keys()) != (now.due, now.sides, now.rates.keys()):
-                continue
-            if not now.due <= {i for i, _ in now.applied[len(before.applied) :]}:
-                continue
-            pairs = [(float(rate.now), float(now.rates[i].now)) for i, rate in before.rates.items()]
-            most, then = max(pairs, key=lambda pair: abs(pair[0]))
-            off = max(abs(b * most - a * then) for a, b in pairs)
-            if 0 < then / most < 1 - PROPORTIONAL and off <= PROPORTIONAL * abs(most * then):
-                return True
-        return False
-
     def at_rest(self, x: Sequence[Any], surfaces: Collection[int]) -> Instant:
         """Return the limit of impacts on surfaces from a state close to it."""
         return self._limit(Instant(x, self._mode, frozenset(), [abs(v) for v in x]), surfaces)
 
     def _limit(self, now: Instant, surfaces: Collection[int]) -> Instant:
-        """Return the limit of impacts without end: forces of their surfaces have made the rates zero."""
-        found = [(i, impact) for i in sorted(surfaces) if (impact := impact_of(self._system, i))]
-        states, x = self._system.states, list(now.state)
-        slopes = [gradient(self._speed(impact), states) for _, impact in found]
-        own = [self._numbers.values((self._speed(impact), *impact.push), self._t, x) for _, impact in found]
-        steep = [self._numbers.values(each, self._t, x) for each in slopes]
-        matrix = [[sum((a * b for a, b in zip(row, push, strict=True)), 0 * x[0]) for _, *push in own] for row in steep]
-        for force, (_, *push) in zip(solved(matrix, [speed for speed, *_ in own]), own, strict=True):
-            x = [value - force * part for value, part in zip(x, push, strict=True)]
-        fixed = set[int]()
-        for (_, impact), steep_now in zip(
-            found, steep, strict=True
-        ):  # without rounding, or a body would move off again
-            (speed,) = self._numbers.values((self._speed(impact),), self._t, x)
-            free = [k for k, slope in enumerate(steep_now) if self._numbers.sign(slope) and k not in fixed]
-            if free:
-                fixed.add(free[-1])
-                x[free[-1]] -= speed / steep_now[free[-1]]
-        rates = {**now.rates, **{i: Rate(speed, 0 * speed, 0) for (i, _), (speed, *_) in zip(found, own, strict=True)}}
-        sides = tuple(0 if i in surfaces else side for i, side in enumerate(now.sides))
-        first = tuple(dict(reversed(now.applied)).items())
-        applied = tuple(sorted(first, key=lambda each: now.applied.index(each)))
+        impacts = {i: impact for i in sorted(surfaces) if (impact := impact_of(self._system, i))}
+        speeds = [self._speed(impact) for impact in impacts.values()]
+        x = without_speeds(self._system.states, self._numbers, self._t, now.state, speeds, [*impacts.values()])
+        zero = 0 * self._t
+        rates = {**now.rates, **{i: Rate(zero, zero, 0) for i in impacts}}
+        sides = tuple(0 if i in impacts else side for i, side in enumerate(now.sides))
+        first = dict(reversed(now.applied))
+        applied = tuple((i, first[i]) for i in dict.fromkeys(i for i, _ in now.applied))
         return Instant(x, sides, frozenset(), now.sizes, rates, applied, limit=True)
 
     def _next(self, now: Instant, turns: int = 0) -> list[int]:
@@ -336,25 +241,6 @@ class Cascade:
             whole = sum((abs(next(values)) * part for part in now.sizes), 0 * after[k])
             sizes[k] = max(sizes[k], whole, key=float)
         return sizes
-
-
-def solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
-    """Solve a small linear system by elimination; an unknown on which no equation depends clearly is zero."""
-    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
-    found, used = [0 * value for value in right], dict[int, int]()
-    for k in range(len(rows)):
-        free = [i for i in range(len(rows)) if i not in used.values()]
-        pivot = max(free, key=lambda i: abs(float(rows[i][k])))
-        if abs(float(rows[pivot][k])) <= PROPORTIONAL:
-            continue
-        used[k] = pivot
-        for i in range(len(rows)):
-            if i != pivot:
-                factor = rows[i][k] / rows[pivot][k]
-                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[pivot], strict=True)]
-    for k, i in used.items():
-        found[k] = rows[i][-1] / rows[i][k]
-    return found
 
 
 @lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from typing import Any
 import sympy as sp
 from flint import arb
 
-from henon_ref.modes.cascade import Numbers
+from henon_ref.modes.instant import Numbers
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.system import FilippovSystem
 

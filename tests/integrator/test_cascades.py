@@ -208,8 +208,7 @@ def stack(heights: tuple[str, ...], masses: tuple[str, ...], restitution: tuple[
     ]
     connections += [f"force: {{on: b{i}, value: -10*{m}}}" for i, m in enumerate(masses)]
     initial = ", ".join(f"x_b{i}: {h}, v_b{i}: 0" for i, h in enumerate(heights))
-    return _read(
-        "schema: 1\nname: stack\ntitle: Bodies that fall on one another\nsource: closed form\n"
+    return read_problem(
         f"scene:\n  bodies: {{ground: fixed, {bodies}}}\n  connections:\n"
         + "".join(f"    - {each}\n" for each in connections)
         + f"{more}initial: {{{initial}}}\nuntil: 1\n"
@@ -242,6 +241,28 @@ def test_whether_impacts_without_end_have_a_limit_is_not_proven() -> None:
     proof = prove(stack(("0", "1/5"), ("1", "1"), ("0", "0")))
     assert (proof.status, proof.undecided) == ("failed", proof.reason)
     assert "more than 1000 maps at one instant" in proof.undecided
+
+
+def test_bodies_on_several_stops_come_to_rest_together() -> None:
+    # The upper body falls at -V = -2 on the lower one, which lies. A heavy one stays there: the light one bounces with
+    # r = 499/1001 of its speed, and rests after 2 V/g r/(1 - r). Equal masses meet twice at one instant; then the upper
+    # one has r = 7/32 of its speed, and falls on the lower one when that lies again.
+    for masses, restitution, r, count in (
+        (("1000", "1"), ("0", "1/2"), 499 / 1001, 79),
+        (("1", "1"), ("1/2",) * 2, 7 / 32, 181),
+    ):
+        problem = stack(("0", "1/5"), masses, restitution)
+        for found in (*(run(problem, name) for name in SOLVERS[:3]), multiprecision(problem)):
+            assert (found.status, len(found.transitions), found.transitions[-1].to_mode) == ("ok", count, (0, 0))
+            assert float(found.transitions[-1].time) == pytest.approx(0.2 + 0.4 * r / (1 - r), abs=1e-13)
+        assert run(problem).end_state == pytest.approx((0, 0, 0, 0), abs=1e-15)
+
+
+def test_a_body_does_not_rest_while_another_is_about_to_fall_on_it() -> None:
+    # Seen from the lower body in flight the upper one does not come closer.
+    found, other = (run(stack(("1/20", "3/10"), ("10", "1"), ("4/5", "4/5")), name) for name in SOLVERS[:2])
+    assert (found.status, told(found)) == (other.status, told(other))
+    assert [t.time for t in found.transitions] == pytest.approx([t.time for t in other.transitions], abs=1e-9)
 
 
 @pytest.mark.parametrize(("pulled", "time", "mode"), [(0, 2 / 3, (1, 0)), (1, 1 / 3, (0, 1))])

@@ -177,14 +177,6 @@ FALLS = (V, sp.Integer(-10))
             "the speed of the impact depends on the sign of u",
         ),
         (
-            FilippovSystem(
-                (X, V, Y, W), (S, U), (X, Y), (*FALLS, W, sp.Integer(-10)),
-                resets={0: Reset({V: -V / 2}), 1: Reset({W: -W / 2})},
-            ),
-            (1, 0, 1, 0),
-            "several surfaces reset the state at once",
-        ),
-        (
             # Its friction on a belt, which moves at 1e-9, turns round in flight, but not where it is highest.
             FilippovSystem(
                 (X, V), (S, U), (X, V + sp.Rational(1, 10**9)), (V, -10 - U), resets={0: Reset({V: -V / 2})}
@@ -203,6 +195,19 @@ def test_where_no_rest_is_derived_the_run_ends_before_the_body_falls_through(
         assert (found.status, "no rest is derived: " + reason in found.reason) == ("failed", True)
         assert {t.kind for t in found.transitions} <= {"reset", "crossing"}
         assert {t.to_mode[0] for t in found.transitions} == {1}
+
+
+def test_bodies_that_bounce_at_the_same_instants_come_to_rest_at_one_instant() -> None:
+    resets = {0: Reset({V: -V / 2}), 1: Reset({W: -W / 2})}
+    system = FilippovSystem((X, V, Y, W), (S, U), (X, Y), (*FALLS, W, sp.Integer(-10)), resets=resets)
+    start = tuple(map(sp.Integer, (1, 0, 1, 0)))
+    problem = Problem(with_resting(system), sp.Integer(0), start, sp.Integer(5))
+    for name in ("henon", "scipy-dop853"):
+        found = run(problem, name, 1e-12)
+        assert (found.status, [(t.kind, t.surface, t.to_mode) for t in found.transitions[-2:]]) == (
+            "ok", [("stick", 0, (0, 0)), ("stick", 1, (0, 0))]
+        )  # fmt: skip
+        assert [t.time for t in found.transitions[-2:]] == pytest.approx([3 * 0.2**0.5] * 2, abs=1e-10)
 
 
 def test_a_map_may_put_the_state_on_its_surface() -> None:

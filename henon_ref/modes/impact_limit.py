@@ -1,0 +1,86 @@
+"""Impacts at one instant that go on without end, and their limit.
+
+Without restitution, a body that falls on one at rest on the ground is stopped in infinitely many impacts, after each of
+which it has the same part of its speed. The maps act on the rates h' of the surfaces in proportion. So if all rates
+return multiplied by one number below 1, the impacts never end, and their limit follows: the forces of these surfaces
+have made their rates zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import sympy as sp
+
+from henon_ref.modes.equations import gradient
+from henon_ref.modes.instant import Instant, Numbers
+from henon_ref.modes.resets import Impact
+
+PROPORTIONAL = 2.0**-30
+"""Difference, relative to the largest, up to which rates are proportional."""
+PERIOD = 64
+"""Largest number of maps after which rates are compared."""
+
+
+def recurs(made: Sequence[Instant]) -> bool:
+    """Return whether the rates after the last map are proportional to those after an earlier one, and smaller.
+
+    All surfaces that are due have been applied between.
+    """
+    *earlier, now = made
+    for before in earlier:
+        if (before.due, before.sides, before.rates.keys()) != (now.due, now.sides, now.rates.keys()):
+            continue
+        if not now.due <= {i for i, _ in now.applied[len(before.applied) :]}:
+            continue
+        pairs = [(float(rate.now), float(now.rates[i].now)) for i, rate in before.rates.items()]
+        most, then = max(pairs, key=lambda pair: abs(pair[0]))
+        off = max(abs(b * most - a * then) for a, b in pairs)
+        if 0 < then / most < 1 - PROPORTIONAL and off <= PROPORTIONAL * abs(most * then):
+            return True
+    return False
+
+
+def without_speeds(
+    states: Sequence[sp.Symbol],
+    numbers: Numbers,
+    t: Any,
+    x: Sequence[Any],
+    speeds: Sequence[sp.Expr],
+    impacts: Sequence[Impact],
+) -> list[Any]:
+    """Return the state after forces of the surfaces of ``impacts`` have made their rates ``speeds`` zero."""
+    own = [numbers.values((speed, *impact.push), t, x) for speed, impact in zip(speeds, impacts, strict=True)]
+    steep = [numbers.values(gradient(speed, states), t, x) for speed in speeds]
+    matrix = [[sum((a * b for a, b in zip(row, push, strict=True)), 0 * x[0]) for _, *push in own] for row in steep]
+    found = list(x)
+    for force, (_, *push) in zip(_solved(matrix, [speed for speed, *_ in own]), own, strict=True):
+        found = [value - force * part for value, part in zip(found, push, strict=True)]
+    fixed = set[int]()
+    for speed, row in zip(speeds, steep, strict=True):  # without rounding, or a body would move off again
+        (rest,) = numbers.values((speed,), t, found)
+        free = [k for k, slope in enumerate(row) if numbers.sign(slope) and k not in fixed]
+        if free:
+            fixed.add(free[-1])
+            found[free[-1]] -= rest / row[free[-1]]
+    return found
+
+
+def _solved(matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+    """Solve a small linear system by elimination; an unknown on which no equation depends clearly is zero."""
+    rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
+    found, used = [0 * value for value in right], dict[int, int]()
+    for k in range(len(rows)):
+        free = [i for i in range(len(rows)) if i not in used.values()]
+        pivot = max(free, key=lambda i: abs(float(rows[i][k])))
+        if abs(float(rows[pivot][k])) <= PROPORTIONAL:
+            continue
+        used[k] = pivot
+        for i in range(len(rows)):
+            if i != pivot:
+                factor = rows[i][k] / rows[pivot][k]
+                rows[i] = [a - factor * b for a, b in zip(rows[i], rows[pivot], strict=True)]
+    for k, i in used.items():
+        found[k] = rows[i][-1] / rows[i][k]
+    return found
