@@ -16,6 +16,7 @@ other, all orders are followed; if they lead to different states, the future is 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -167,9 +168,12 @@ class Cascade:
         after, sides = values[: len(x)], list(now.sides)
         for j, value in zip(places, values[len(x) :], strict=True):
             sides[j] = numbers.sign(value)
+        made = replace(now, state=after, sizes=self._grown(now, index, after))
+        for j in places:
+            if j in system.resets and sides[j] > 0:  # the run may not see that the surface is still ahead
+                sides[j] = self._clear_sign(*self._with_size(system.surfaces[j], made))
         carried = {j for j in places if j in system.resets and now.sides[j] > 0 >= sides[j]}
         due = (now.due - {index}) | carried
-        made = Instant(after, tuple(sides), due, self._grown(now, index, after))
         rates = {j: rate for j, rate in now.rates.items() if j in jump.kept}
         moved = {system.states[k] for k in jump.moved}
         for j in sorted(system.resets):

@@ -7,6 +7,7 @@ from math import pi
 import pytest
 import sympy as sp
 
+import henon_ref as hr
 from henon_ref.harness.registry import solver
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import with_resting
@@ -208,6 +209,19 @@ def test_bodies_that_bounce_at_the_same_instants_come_to_rest_at_one_instant() -
             "ok", [("stick", 0, (0, 0)), ("stick", 1, (0, 0))]
         )  # fmt: skip
         assert [t.time for t in found.transitions[-2:]] == pytest.approx([3 * 0.2**0.5] * 2, abs=1e-10)
+
+
+@pytest.mark.parametrize("part", ["d/2", "d*0.9"])
+def test_a_run_does_not_pass_a_surface_to_which_its_maps_have_come(part: str) -> None:
+    # v rises by d between two maps: the sum of all d is 2, or 10.
+    resets = {"s": {"when": "falling", "map": {"v": "1 - d", "d": part}}}
+    system = hr.System(["v", "d"], {}, {"s": "1 - v"}, ["1", "0"], resets=resets)
+    run = hr.simulate(system, {"v": 0, "d": 1}, until=20)
+    assert (run.status, run.message.endswith("the state is on s, which resets it, and moves into it")) == (
+        "invalid",
+        True,
+    )
+    assert run.t[-1] == pytest.approx(1 + {"d/2": 2, "d*0.9": 10}[part], abs=1e-10)
 
 
 def test_a_map_may_put_the_state_on_its_surface() -> None:
