@@ -91,7 +91,7 @@ def _check_order(run: Trajectory) -> None:
     for transition in run.transitions:
         sides = transition.from_mode[transition.surface], transition.to_mode[transition.surface]
         if transition.kind == "reset":
-            assert sides[0] == 1
+            assert sides[0] >= 0  # a body at rest on its stop may be struck
         else:
             assert transition.kind == transition_kind(*sides)
 

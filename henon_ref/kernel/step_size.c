@@ -10,7 +10,7 @@
 #define UNLIMITED 1e30
 /* Last terms that are smaller than the terms before them by this factor are a gap, not a decreasing tail. */
 #define GAP_RATIO 1e-5
-/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms, with an error 100 times as large. */
+/* A step longer than the last one by 1 + HIDDEN_GROWTH/order may have hidden terms: its error is 100 times as large. */
 #define HIDDEN_GROWTH 5.0
 
 /* (above / below) ^ power to about one part in 100, which is enough for a step size. Both numbers are positive.

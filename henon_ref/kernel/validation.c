@@ -25,7 +25,7 @@
 /* Rounding error of a guard, as a multiple of the difference of its values at neighbouring points. */
 #define SPREAD 8.0
 
-/* Estimate the rounding error of each slope of a state and of each guard at "point" and time "end", written to "change".
+/* Estimate the rounding error of each state's slope and of each guard at "point" and time "end"; written to "change".
  *
  * The error is at least the bound of the own operations, except of guards with branch points. "neighbours": the values
  * at two neighbours are compared, too, whose states differ by a few units in the last place, in one direction and in
@@ -74,7 +74,7 @@ struct agreement {
     double longest; /* longest step so far at whose end no prediction is far off */
 };
 
-/* Error of a slope, as a part of its state's size over the step, or of a guard, below which there are no hidden terms. */
+/* Error of a slope, as a part of its state's size over the step, or of a guard, below which no terms are hidden. */
 static inline double hidden_part(const struct work *w, bool guard)
 {
     double part = HIDDEN * (double)w->run->order * larger(w->run->tolerance, EPS);
@@ -155,7 +155,7 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
         int64_t first = r < n ? 1 : 0; /* slopes of states, values of guards */
         double there = row_ahead(w, r)[first], size = fabs(there);
         double off = fabs(predicted_at(row_of(w, r), order, first, at, &size) - there), terms = size - fabs(there);
-        if (hidden && !branches) /* an error of the slope is one of the state over the step, as the step size counts it */
+        if (hidden && !branches) /* an error of the slope is one of the state over the step, as in the step size */
             size = larger(size, size_of_terms(row_of(w, r), 0, 2, at) / (first == 1 ? at : 1.0));
         if (r < n)
             size = larger(size, reached(w, r, there, at, found->longest));
