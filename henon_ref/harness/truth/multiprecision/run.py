@@ -276,7 +276,7 @@ class _Simulation:
         for rest in rests:
             still = frozenset(i for i, s in enumerate(rest.mode) if s == 0)
             if rest.remaining > SILENT * self.span:
-                self.accumulating = self.accumulating or still
+                self.accumulating = self.accumulating or still.intersection(self.problem.system.resets)
                 break
             self._come_to_rest(rest, still)
             after, active = rest.mode, still
