@@ -133,22 +133,22 @@ def solved_states(system: SwitchedField, sliding: Sequence[int], kept: Collectio
 
     ``kept``: states that are at rest for another reason, so that a surface must determine a different state.
     """
-    states = system.states
+    places = {x: k for k, x in enumerate(system.states) if k not in kept}
     linear = {
-        i: [
-            k
-            for k, x in enumerate(states)
-            if k not in kept
-            and x in system.surfaces[i].free_symbols
-            and system.constant_slope(system.surfaces[i], x) is not None
-        ]
+        i: [k for k, x in _among(places, h) if system.constant_slope(h, x) is not None]
         for i in sliding
+        for h in [system.surfaces[i]]
     }
     taken: dict[int, int] = {}  # state -> its surface
     for i in sliding:
         _give_state(i, linear, taken, set())
-    places = {i: k for k, i in taken.items()}
-    return {i: places[i] for i in sliding if i in places}
+    found = {i: k for k, i in taken.items()}
+    return {i: found[i] for i in sliding if i in found}
+
+
+def _among(places: Mapping[sp.Symbol, int], expression: sp.Expr) -> list[tuple[int, sp.Symbol]]:
+    """Return the places of the symbols of an expression, in order, with the symbols."""
+    return sorted((places[x], x) for x in expression.free_symbols if x in places)
 
 
 def surfaces_solved(
