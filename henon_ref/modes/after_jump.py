@@ -135,7 +135,7 @@ class _Rule:
         """Return the continuation, and why a rest after accumulating impacts cannot be derived (empty if it can)."""
         assert decision.mode is not None
         system, mode, after, sides = self.system, decision.mode, self.state, self.sides
-        terms, light = self._terms(mode), never_pressed(system)
+        terms, light = self._terms(mode, self.state), never_pressed(system)
         times: dict[int, Any] = {}
         for guard, own in terms:
             i = guard.index
@@ -185,7 +185,8 @@ class _Rule:
         limit = Cascade(system, numbers, last.mode, last.time).at_rest(last.state, fired)
         at_rest = _Rule(system, numbers, last.mode, limit, last.time).after(0 * most, together=False)
         stuck = at_rest.rests[-1].mode if at_rest.rests else ()
-        if not stuck or any(stuck[i] for i in fired) or self._met(first.mode, first.state, last.time - self.t):
+        terms, passed = self._terms(first.mode, first.state), system.observed | system.resets.keys()
+        if not stuck or any(stuck[i] for i in fired) or self._met(terms, last.time - self.t, passed):
             return self._no_rest(fired, CLOSE)
         rest = Rest(last.time - self.t, at_rest.rests[-1].state, stuck)
         return replace(found, rests=(*found.rests, rest))
@@ -207,38 +208,35 @@ class _Rule:
         assert mode is not None
         return Flight(mode, time, state, found.on, [rate.now for rate in self.rates.values()], fired)
 
-    def _met(self, mode: Mode, x: Sequence[Any], time: Any) -> bool:
-        """Return whether a guard that is no stop may reach zero within a time [s]."""
-        system = self.system
-        for guard, own in zip(system.equations(mode).guards, self.numbers.guard_series(mode, self.t, x), strict=True):
+    def _met(self, terms: Terms, time: Any, passed: Collection[int]) -> bool:
+        """Return whether a guard may reach zero within a time [s]; the surfaces ``passed`` may."""
+        for guard, own in terms:
             value, rate, bend, *_ = own
-            own_stop = guard.index in system.resets and guard.kind in ("surface", "release")
-            passed = own_stop or (guard.kind == "surface" and guard.index in system.observed)
-            if not passed and not abs(value) > abs(rate) * time + abs(bend) * time * time:
+            stays = not any(map(self.numbers.sign, own))  # rest on a kink, say
+            may = stays or (guard.kind == "surface" and guard.index in passed)
+            if not may and not abs(value) > abs(rate) * time + abs(bend) * time * time:
                 return True
         return False
 
-    def _falls(self, mode: Mode, x: Sequence[Any], time: Any) -> bool:
+    def _falls(self, terms: Terms, time: Any) -> bool:
         """Return whether a body may reach a stop within a time [s]."""
-        system = self.system
-        for guard, own in zip(system.equations(mode).guards, self.numbers.guard_series(mode, self.t, x), strict=True):
-            value, rate, bend, *_ = own
+        for guard, (value, rate, bend, *_) in terms:
             least = value + min(rate, 0 * rate) * time + min(bend, 0 * bend) * time * time
-            if guard.kind == "surface" and guard.index in system.resets and not least > 0:
+            if guard.kind == "surface" and guard.index in self.system.resets and not least > 0:
                 return True
         return False
 
     def _accumulating(self, mode: Mode, most: Any) -> list[int]:
         """Return the surfaces whose impacts accumulate, in addition to those on which bodies rest at once."""
         found = []
-        for guard, own in self._terms(mode):
+        for guard, own in self._terms(mode, self.state):
             rate = self.rates.get(guard.index) if guard.kind == "surface" else None
             if rate is not None and rate.sign > 0 and time_to_rest(rate.before, rate.now, 2 * own[2], most) is not None:
                 found.append(guard.index)
         return found
 
-    def _terms(self, mode: Mode) -> Terms:
-        series = self.numbers.guard_series(mode, self.t, self.state)
+    def _terms(self, mode: Mode, x: Sequence[Any]) -> Terms:
+        series = self.numbers.guard_series(mode, self.t, x)
         return list(zip(self.system.equations(mode).guards, series, strict=True))
 
     def _no_rest(self, surfaces: Iterable[int], why: str) -> AfterJump:
@@ -295,23 +293,12 @@ class _Rule:
             system.equations(at_rest.mode)
         except ModelError as error:
             return str(error)
-        passed = (
-            system.observed
-            | system.resets.keys()
-            | set(times)
-            | {j for i in times for j in turning_in_flight(system, i)}
-        )
-        for guard, own in terms:
-            value, rate, bend, *_ = own
-            stays = not any(map(numbers.sign, own))  # rest on a kink, say
-            if lasting and not stays and not (guard.kind == "surface" and guard.index in passed):
-                time = lasting[0]
-                if not abs(value) > abs(rate) * time + abs(bend) * time * time:
-                    return CLOSE
-        if lasting:
-            still = self._at_rest(tuple(times), self.state, at_rest.mode, 0 * self.t)
-            return CLOSE if self._falls(at_rest.mode, still, lasting[0]) else ""
-        return ""
+        if not lasting:
+            return ""
+        passed = system.observed | system.resets.keys() | {j for i in times for j in turning_in_flight(system, i)}
+        still = self._at_rest(tuple(times), self.state, at_rest.mode, 0 * self.t)
+        met = self._met(terms, lasting[0], passed) or self._falls(self._terms(at_rest.mode, still), lasting[0])
+        return CLOSE if met else ""
 
     def _past_sections(self, mode: Mode, terms: Terms, time: Any, rest: Sequence[Any]) -> Mode:
         """Return the mode at rest, in which sections are crossed that change their side during the last flights.
