@@ -153,8 +153,11 @@ class _Rule:
         for i in still:  # contacts, or bodies on other stops, may come to rest with the body
             if len(system.together(i, on)) > 1 or [groups[j] for j in still].count(groups[i]) > 1:
                 sides[i] = 0
-        if 0 in (sides[i] for i in self.rates):
-            decision = self._decided(after, sides, valid)
+        zero = [i for i in self.rates if sides[i] == 0]
+        if zero:
+            bodies = [i for i in zero if i in self.impacts and not self.impacts[i].refusal]
+            x = Cascade(system, self.numbers, self.mode, self.t).at_rest(after, bodies).state
+            decision = self._decided(x, sides, valid)
             stuck = decision.mode
             stays = tuple(i for i in self.rates if stuck is not None and stuck[i] == 0)
             if stuck is None or not stays:

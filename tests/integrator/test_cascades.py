@@ -258,6 +258,14 @@ def test_bodies_on_several_stops_come_to_rest_together() -> None:
         assert run(problem).end_state == pytest.approx((0, 0, 0, 0), abs=1e-15)
 
 
+def test_speeds_that_vanish_up_to_rounding_are_a_rest() -> None:
+    # 10 * 3/10 = 3: the third blow leaves both bodies without speed.
+    problem = stack(("0", "1/4"), ("10", "3"), ("3/10", "0"))
+    for found in (*(run(problem, name) for name in SOLVERS[:3]), multiprecision(problem)):
+        assert (found.status, found.transitions[-1].to_mode) == ("ok", (0, 0))
+        assert told(found) == [("reset", i) for i in (1, 0, 1)] + [("stick", 0), ("stick", 1)]
+
+
 def test_a_body_does_not_rest_while_another_is_about_to_fall_on_it() -> None:
     # Seen from the lower body in flight the upper one does not come closer.
     found, other = (run(stack(("1/20", "3/10"), ("10", "1"), ("4/5", "4/5")), name) for name in SOLVERS[:2])
