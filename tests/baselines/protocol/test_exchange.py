@@ -94,6 +94,7 @@ def test_what_a_program_has_started_ends_with_it() -> None:
     )
     pid = int(say(code))
     wait_until(lambda: gone(pid))
+    assert gone(pid)
 
 
 def test_a_program_that_is_not_there_is_unavailable() -> None:
