@@ -90,9 +90,10 @@ class Numbers:
 
 
 def by_groups(system: FilippovSystem, active: Sequence[int]) -> bool:
-    """Check whether active surfaces are decided as groups: some have static friction, or there are more than four.
+    """Check whether active surfaces are decided as groups: some have static friction, several are stops on which bodies
+    can rest, or there are more than four.
 
-    For fewer surfaces without static friction all modes are tried, since the fields need not be those of friction.
+    For other surfaces all modes are tried, since the fields need not be those of friction.
     """
     return len(active) > 4 or any(map(system.held_inside, active)) or sum(map(system.rests, active)) > 1
 
