@@ -1,9 +1,8 @@
 """``henon-listing``: the program of the paper's appendix as printed, including its mistakes, as a solver.
 
-``listing.c`` explains each mistake at its line. ``variants.c`` has a switch for each mistake (:func:`run_variant`; the
-audit of :mod:`henon_ref.harness.studies.paper.audit` uses it): with all switches off it is a correct implementation of
-Sec. 3 for Eq. (18), of order 4 with Filippov's sliding, and with all switches on it gives exactly the numbers of the
-listing.
+``listing.c`` has a switch for each mistake, and explains it there. All of them are on in ``henon-listing``; with some
+(:func:`run_variant`) the audit of :mod:`henon_ref.harness.studies.paper.audit` runs. With none the program is a correct
+implementation of Sec. 3 for Eq. (18), of order 4 with Filippov's sliding.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -96,11 +96,10 @@ class Listing:
 
         def run() -> Trajectory:
             x = np.array([float(problem.start), *start])
-            changes = np.empty((MAX_CHANGES, 5))
-            path = np.empty((0 if sample_times is None else steps + 1, 3))
-            end = lib.listing_run(
-                rows(x, "struct belt_state"), rows(EDGES), step, steps + 1, ffi.new("struct belt *", numbers),
-                rows(changes, "struct mode_change"), len(changes), rows(path, "struct belt_state"), len(path),
+            room = 0 if sample_times is None else steps + 1
+            end, changes, path = _run(
+                x, numbers, DEFECTS, sticking=start_mode == (0,), passes=steps + 1, step=step, most=MAX_CHANGES,
+                path_room=room,
             )  # fmt: skip
             status: Status = "ok" if np.isfinite(x).all() else "diverged"
             reason = "" if status == "ok" else "the state is no longer finite"
@@ -108,7 +107,7 @@ class Listing:
                 status, reason = "failed", f"more than {MAX_CHANGES} changes of mode: it chatters"
             return Trajectory(
                 status=status,
-                transitions=_transitions(changes[: end.changes], start_mode, until),
+                transitions=_transitions(changes, start_mode, until),
                 end_time=until if status == "ok" else min(float(x[0]), until),
                 end_state=(float(x[1]), float(x[2])),
                 end_mode=(end.mode,),
@@ -220,6 +219,32 @@ def _sampled(wanted: Floats, path: Floats) -> Floats:
     return np.column_stack([np.interp(wanted, path[:, 0], path[:, i], right=np.nan) for i in (1, 2)])
 
 
+def _run(
+    x: Floats,
+    numbers: tuple[float, ...],
+    defects: Collection[str],
+    *,
+    sticking: bool,
+    passes: int,
+    until: float = math.inf,
+    step: float,
+    most: int,
+    path_room: int,
+    path_from: float = -math.inf,
+) -> tuple[Any, Floats, Floats]:
+    """Run the program (``listing_run`` of ``paper.h``) with some :data:`DEFECTS` from time and state ``x``, updated.
+
+    Return its ``struct listing_end``, the changes of mode, at most ``most``, and the path.
+    """
+    changes, path = np.empty((most, 5)), np.empty((path_room, 3))
+    end = lib.listing_run(
+        rows(x, "struct belt_state"), sticking, passes, until, step, rows(EDGES), ffi.new("struct belt *", numbers),
+        ffi.new("struct defects *", dict.fromkeys(defects, 1)), rows(changes, "struct mode_change"), most,
+        rows(path, "struct belt_state"), path_room, path_from,
+    )  # fmt: skip
+    return end, changes[: end.changes], path[: end.path]
+
+
 @dataclass(frozen=True)
 class VariantRun:
     """Result of a run of one variant."""
@@ -256,16 +281,15 @@ def run_variant(
     ``until``: horizon [s]; ``path_from``: time from which the path is stored [s] (None: no path).
     """
     numbers = fig8_numbers()
-    changes = np.empty((20_000, 5))  # with more changes a run counts as chattering
-    path = np.empty((0 if path_from is None else int((until - path_from) / step) + 2 * len(changes), 3))
+    most = 20_000  # with more changes a run counts as chattering
     x = np.array([0.0, *((EDGES[3], numbers[4]) if start is None else start)])
     first = 0 if start is None else -1 if start[1] < numbers[4] else 1
-    end = lib.variant_run(
-        rows(x, "struct belt_state"), first == 0, until, step, rows(EDGES), ffi.new("struct belt *", numbers),
-        ffi.new("struct defects *", dict.fromkeys(defects, 1)), rows(changes, "struct mode_change"), len(changes),
-        rows(path, "struct belt_state"), len(path), path_from or 0.0,
+    room = 0 if path_from is None else int((until - path_from) / step) + 2 * most
+    end, changes, path = _run(
+        x, numbers, defects, sticking=first == 0, passes=2**62, until=until, step=step, most=most,
+        path_room=room, path_from=path_from or 0.0,
     )  # fmt: skip
-    kept = effective_changes(changes[: end.changes], first)
+    kept = effective_changes(changes, first)
     kept = kept[kept[:, 1] <= until]
-    status = ("ok", "chatters", "diverged")[end.ending]
-    return VariantRun(kept[:, 1], kept[:, 2:4], kept[:, 4].astype(np.int64), status, path[: end.path])
+    status = "chatters" if end.changes == most else "ok" if np.isfinite(x).all() else "diverged"
+    return VariantRun(kept[:, 1], kept[:, 2:4], kept[:, 4].astype(np.int64), status, path)

@@ -8,7 +8,6 @@
 #include "belt.c"
 #include "listing.c"
 #include "rk4.c"
-#include "variants.c"
 
 #define TEXT(number) TEXT_OF(number)
 #define TEXT_OF(number) #number

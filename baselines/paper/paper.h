@@ -66,33 +66,23 @@ struct mode_change {
     double step, time, position, velocity, mode;
 };
 
-struct listing_end {
-    int64_t changes, mode, slips, landings;
-};
-
-/* Run `passes` passes of the loop of the appendix as printed from *x, which is updated.
-   `edges` are the six tangent points, highest first. `changes` has room for `changes_room` changes of mode, `path` for
-   `path_room` states, one per pass. */
-struct listing_end listing_run(struct belt_state *x, const double *edges, double h, int64_t passes,
-                               const struct belt *belt, struct mode_change *changes, int64_t changes_room,
-                               struct belt_state *path, int64_t path_room);
-
 /* Mistakes of the appendix that change its result; DEFECTS of listing.py describes them. */
 struct defects {
     uint8_t aliased_steps, one_sided_release, exit_side, frozen_forcing, frozen_tangent, quantised_release,
         landing_sign, rounded_sixth;
 };
 
-enum variant_ending { VARIANT_DONE = 0, VARIANT_CHATTERS = 1, VARIANT_NOT_FINITE = 2 };
-
-struct variant_end {
-    int64_t changes, path, ending;
+struct listing_end {
+    int64_t changes, path, slips, landings, mode;
 };
 
-/* Run the program with some of the mistakes from *x to the time `until`; the path is stored from `path_from` on. */
-struct variant_end variant_run(struct belt_state *x, int64_t sticking, double until, double h, const double *edges,
-                               const struct belt *belt, const struct defects *defects, struct mode_change *changes,
-                               int64_t changes_room, struct belt_state *path, int64_t path_room, double path_from);
+/* Run the program of the appendix with some of its mistakes from *x, which is updated: `passes` passes of its loop, or
+   up to the time `until`, or until `changes`, with room for `changes_room` changes of mode, is full. `edges` are the
+   six tangent points, highest first; `path` has room for `path_room` states, one per pass from `path_from` on. */
+struct listing_end listing_run(struct belt_state *x, int64_t sticking, int64_t passes, double until, double h,
+                               const double *edges, const struct belt *belt, const struct defects *defects,
+                               struct mode_change *changes, int64_t changes_room, struct belt_state *path,
+                               int64_t path_room, double path_from);
 
 /* Name and version of the compiler. */
 const char *paper_compiler(void);
