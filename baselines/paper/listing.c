@@ -80,7 +80,7 @@ static double release_time(const struct belt_state *x, const struct belt *belt, 
    Mistakes: only the upper tangent point is tested, although z may also leave the zone at its lower end; the way back
    to the tangent point is that of the step's end (and, aliased, the new minus the old position, which are the same
    number: the time stays at the end of the step). By the printed sign of the spring, the middle zone (2) must be left
-   downwards at its upper end and the other zones upwards; the listing does the opposite, and the next step undoes it. */
+   downwards at its upper end, the other zones upwards; the listing does the opposite, and the next step undoes it. */
 static bool stick_step(struct belt_state *x, const struct belt *belt, double h, const double *edges, int64_t upper,
                        const struct defects *d, int64_t *side)
 {

@@ -1,11 +1,11 @@
-"""Compare three routes on random scenes: the reference, multiprecision, and a library.
+"""Compare three routes on random scenes or systems: the reference, multiprecision, and a library.
 
 As a script::
 
-    python tests/support/random_scenes.py [--seed 1] [--first 1] [--count 300]
+    python tests/support/random_scenes.py [--systems] [--seed 1] [--first 1] [--count 300]
 
-runs scenes of a seed (:mod:`scene_draws`) and prints one line per scene (ends, transitions, largest error of a time),
-the case file of each disagreement, and counts at the end.
+runs scenes of a seed (:mod:`scene_draws`), or systems (:mod:`system_draws`), and prints one line for each (ends,
+transitions, largest error of a time), the case file of each disagreement, and counts at the end.
 
 The multiprecision route is the reference. A run is right if it has the same transitions, each with an error within a
 bound times its conditioning (:mod:`henon_ref.harness.truth.conditioning`). Otherwise the problem may be ill-conditioned
@@ -23,7 +23,7 @@ import itertools
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from time import process_time
@@ -32,6 +32,7 @@ import numpy as np
 import sympy as sp
 from multiprecision import multiprecision
 from scene_draws import scene
+from system_draws import system
 
 from henon_ref.casefile.case import parse_case
 from henon_ref.errors import ModelError, UnsupportedError
@@ -281,11 +282,11 @@ class Comparison:
             self.tally.seconds[name] += process_time() - began
 
 
-def compared(base: int, numbers: Iterable[int]) -> list[str]:
-    """Compare the routes on some scenes of a seed; return the unexplained disagreements."""
+def compared(base: int, numbers: Iterable[int], draw: Callable[[int, int], str] = scene) -> list[str]:
+    """Compare the routes on some scenes (or other draws) of a seed; return the unexplained disagreements."""
     comparison = Comparison()
     for number in numbers:
-        comparison.compare(number, scene(base, number))
+        comparison.compare(number, draw(base, number))
         if number % 20 == 0:
             print(comparison.tally, flush=True)
     print(comparison.tally, flush=True)
@@ -295,11 +296,12 @@ def compared(base: int, numbers: Iterable[int]) -> list[str]:
 def main() -> int:
     """Command line; see the docstring of the module."""
     parser = argparse.ArgumentParser(description="Random scenes, three routes held against each other.")
+    parser.add_argument("--systems", action="store_const", const=system, default=scene, dest="draw")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=1, help="number of the first scene")
     parser.add_argument("--count", type=int, default=300, help="scenes from that on")
     asked = parser.parse_args()
-    return 1 if compared(asked.seed, range(asked.first, asked.first + asked.count)) else 0
+    return 1 if compared(asked.seed, range(asked.first, asked.first + asked.count), asked.draw) else 0
 
 
 if __name__ == "__main__":
