@@ -14,11 +14,10 @@ from pathlib import Path
 
 import pytest
 import sympy as sp
-from shipped import CASES, paths, read, readings, shipped
+from shipped import CASES, paths, proven, read, readings, shipped
 
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.casefile.case import Case, Reading, load_case
-from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.compute import stored_truth
 from henon_ref.harness.truth.store import folder_of
@@ -98,9 +97,7 @@ def _check_order(run: Trajectory) -> None:
 
 def _check_verdict(case: Case, reading: Reading, run: Trajectory) -> None:
     """What no double decides: no transition of the truth has a finite conditioning, and scoring says no other word."""
-    truth = stored_truth(case, reading)
-    assert truth is not None
-    expected = expected_of(reading, truth)
+    expected = proven(case, reading)
     assert expected.transitions
     assert all(t.conditioning == inf for t in expected.transitions), "a well-posed question"
     assert reading.expect is not None

@@ -60,7 +60,7 @@ def test_heyoka_with_a_direction_alone_never_sees_the_ball_come_down() -> None:
 
 def test_heyoka_takes_an_event_free_step_where_it_has_lost_an_early_root(monkeypatch: pytest.MonkeyPatch) -> None:
     """The guard is below zero without an event then; nobody would know otherwise than by the driver's word."""
-    problem = next(r.problem for r in load_case("hard/quick_restick").readings if r.name == "slow")
+    problem = load_case("hard/quick_restick").reading("slow").problem
     assert times(HEYOKA, problem) == pytest.approx([1.0, 1.002], abs=0.01)
     monkeypatch.setattr(heyoka_taylor._Mode, "_is_lost", lambda *_: False)
     found = HEYOKA.prepare(problem, rtol=1e-9)()

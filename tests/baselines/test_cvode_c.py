@@ -6,21 +6,19 @@ import math
 from pathlib import Path
 
 import pytest
+from shipped import proven
 
 import henon_ref
 from henon_ref.baselines import cvode_c as build
 from henon_ref.baselines.cvode_c import ADAMS, BDF, c_equations
 from henon_ref.baselines.protocol.problem_text import problem_text
 from henon_ref.baselines.protocol.program import ProgramRun
-from henon_ref.casefile.case import Case, Reading
 from henon_ref.errors import UnavailableError
 from henon_ref.harness import registry
-from henon_ref.harness.campaign.comparison import expected_of
 from henon_ref.harness.campaign.journal import code_files
 from henon_ref.harness.cli.lists import unavailable
 from henon_ref.harness.registry import all_versions
 from henon_ref.harness.score.scoring import score
-from henon_ref.harness.truth.compute import stored_truth
 
 installed = pytest.mark.skipif(
     not (build.compiler() and build.library_version().startswith("6.")), reason="no C compiler, or no SUNDIALS 6"
@@ -42,11 +40,6 @@ readings:
 """
 
 
-def reading_of(name: str, reading: str) -> tuple[Case, Reading]:
-    case = henon_ref.load_case(name)
-    return case, next(own for own in case.readings if own.name == reading)
-
-
 @installed
 @pytest.mark.parametrize("solver", [ADAMS, BDF], ids=lambda solver: solver.name)
 @pytest.mark.parametrize(
@@ -57,12 +50,10 @@ def reading_of(name: str, reading: str) -> tuple[Case, Reading]:
     ],
 )
 def test_every_transition_is_right_at_the_tightest_setting(solver, name, reading, error) -> None:
-    case, own = reading_of(name, reading)
-    truth = stored_truth(case, own)
-    assert truth is not None
-    expected = expected_of(own, truth)
+    case = henon_ref.load_case(name)
+    own = case.reading(reading)
     found = solver.prepare(own.problem, rtol=1e-13, atol=1e-13)()
-    scored = score(found, expected, tolerance=1e-13)
+    scored = score(found, proven(case, own), tolerance=1e-13)
     assert (found.status, scored.status) == ("ok", "ok")
     assert scored.max_time_error is not None
     assert scored.max_time_error < error
@@ -86,7 +77,7 @@ def test_a_closed_form(solver) -> None:
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
 def test_a_run_ends_where_its_field_does(solver, tolerance) -> None:
     """h' = -1/4 - sqrt(h) has no value behind h = 0, where its derivative is infinite: t = 2 - log(5)/2."""
-    _, own = reading_of("hard/running_dry", "pumped")
+    own = henon_ref.load_case("hard/running_dry").reading("pumped")
     found = solver.prepare(own.problem, rtol=tolerance, atol=tolerance)()
     assert found.status == "failed"
     assert found.end_time == pytest.approx(2 - math.log(5) / 2, abs=1e4 * tolerance)
@@ -119,7 +110,7 @@ def test_its_own_clock_times_it() -> None:
 
 @installed
 def test_a_run_past_its_time_says_so_with_what_it_has() -> None:
-    _, own = reading_of("fig8", "listing_limit")
+    own = henon_ref.load_case("fig8").reading("listing_limit")
     found = BDF.prepare(own.problem, rtol=1e-13, atol=1e-13, deadline=1e-3)()
     assert (found.status, found.reason) == ("timeout", "the time that a run may take has passed")
     assert found.end_time < float(own.problem.until)

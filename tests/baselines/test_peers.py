@@ -153,7 +153,7 @@ def test_nosnoc_finds_the_transitions_by_its_own_method(runs: Runs) -> None:
 
 def test_nosnoc_is_not_charged_with_what_scipy_cannot_do() -> None:
     """SciPy's brentq raises at the flat root of a release; the grid is then CVODE's."""
-    problem = next(own for own in henon_ref.load_case("odd_orders").readings if own.name == "release").problem
+    problem = henon_ref.load_case("odd_orders").reading("release").problem
     with pytest.raises(RuntimeError, match="Failed to converge"):
         RK45.prepare(problem, rtol=GRID, atol=GRID)()
     assert _control_steps(problem, None) >= FEWEST

@@ -52,7 +52,7 @@ def test_a_slide_that_ends_and_a_field_with_a_pole_beyond_the_surface() -> None:
 @installed
 def test_a_surface_that_changes_nothing_is_not_felt_by_a_step() -> None:
     """x' = x^10 is 1 where the run starts and 1024 on the surface."""
-    problem = next(own for own in henon_ref.load_case("blow_up").readings if own.name == "slow").problem
+    problem = henon_ref.load_case("blow_up").reading("slow").problem
     found = RELAY.prepare(problem, step=1e-3)()
     assert found.transitions[0].time == pytest.approx((1 - 2**-9) / 9, abs=2e-3)
 
@@ -76,7 +76,7 @@ def test_a_field_that_is_zero_beyond_the_surface_is_no_lost_sign() -> None:
 
 @installed
 def test_a_state_that_rounding_moves_off_its_surface_is_told() -> None:
-    problem = next(own for own in henon_ref.load_case("quick_restick").readings if own.name == "fast").problem
+    problem = henon_ref.load_case("quick_restick").reading("fast").problem
     found = RELAY.prepare(problem, step=1e-3)()
     assert found.status == "failed"
     assert "the rounding of a step" in found.reason

@@ -34,7 +34,7 @@ TOLERANCE = 1e-3
 def moved(name: str) -> tuple[Reading, Expected, Motion]:
     """A reading, its truth, and its motion as the reports draw it."""
     case = load_case(FIG8)
-    reading = next(reading for reading in case.readings if reading.name == name)
+    reading = case.reading(name)
     expected = expected_of(reading, truth_for(case, reading))
     wanted = sample_times(
         expected.start, reading.measure_after, expected.until, [event.time for event in expected.transitions]

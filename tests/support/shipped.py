@@ -9,8 +9,11 @@ import re
 from functools import cache
 from pathlib import Path
 
-from henon_ref.casefile.case import DEFAULT_READING, Case, load_case
+from henon_ref.casefile.case import DEFAULT_READING, Case, Reading, load_case
 from henon_ref.casefile.files import yaml_files
+from henon_ref.harness.campaign.comparison import expected_of
+from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.truth.compute import stored_truth
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -29,6 +32,13 @@ def shipped(*folders: str) -> tuple[Case, ...]:
 def read(path: Path) -> Case:
     """A case of the suite."""
     return load_case(path)
+
+
+def proven(case: Case, reading: Reading) -> Expected:
+    """What a run of a reading is scored against, by its stored truth."""
+    truth = stored_truth(case, reading)
+    assert truth is not None
+    return expected_of(reading, truth)
 
 
 def readings(path: Path) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from henon_ref.harness.campaign.options import Options, check_solvers, chosen_so
 def test_all_is_what_a_reading_lists_or_else_the_default_ones_and_the_peers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "library_version", lambda name: "1.0" if name.startswith("diffsol") else "")
     case = henon_ref.load_case("fig8")
-    listing, limit = (next(own for own in case.readings if own.name == name) for name in ("listing", "listing_limit"))
+    listing, limit = (case.reading(name) for name in ("listing", "listing_limit"))
     every = Options(solvers=("all",))
     assert [*chosen_solvers(listing, every)] == [*chosen_solvers(listing, Options())] == ["henon-listing"]
     assert set(chosen_solvers(limit, every)) == {*chosen_solvers(limit, Options()), "diffsol-tsit45", "diffsol-bdf"}

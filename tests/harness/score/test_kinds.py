@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 from fakes import Reference, expected
 
-from henon_ref.harness.score.reference import CLOSE, KINDS, kind_of
-
-
-@dataclass
-class Nearly:
-    time: float = 1.0
-    distance: float = 1e-9
+from henon_ref.harness.score.reference import CLOSE, KINDS, NearGraze, kind_of
 
 
 def run(*times: float, kind: str = "crossing", **changes: object):
@@ -29,7 +23,7 @@ def run(*times: float, kind: str = "crossing", **changes: object):
         (run(1.0, kind="stick"), 2, "several surfaces"),
         (run(), 3, "no transition"),
         (run(1.0, kind="graze"), 2, "graze or close roots"),
-        (run(near_grazes=(Nearly(),)), 1, "graze or close roots"),
+        (run(near_grazes=(NearGraze(1.0, 0, 1e-9),)), 1, "graze or close roots"),
         (run(1.0, 2.0, status="nonunique"), 1, "ends early"),
         (run(1.0, partial=True), 1, "ends early"),
         (run(partial=True, end_time=0.0), 1, "no truth"),

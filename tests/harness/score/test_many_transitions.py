@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from henon_ref.harness.campaign.rows import Outcome, record
 from henon_ref.harness.result_files import rows_text
 from henon_ref.harness.rows import StickRow, TransitionRow
 from henon_ref.harness.score.matching import match
-from henon_ref.harness.score.reference import Expected
+from henon_ref.harness.score.reference import Expected, NearGraze
 from henon_ref.harness.score.scoring import score
 from henon_ref.trajectory import Transition
 
@@ -25,15 +25,6 @@ PATIENCE = 40
 """Seconds of processor time for what takes one to two; pair by pair it would be minutes."""
 
 
-@dataclass(frozen=True)
-class Touch:
-    """A near graze."""
-
-    time: float
-    distance: float = 1.0
-    lasts: bool = False
-
-
 @pytest.mark.parametrize(
     "made",
     [
@@ -41,7 +32,7 @@ class Touch:
         lambda: (expected(), found(SPREAD)),
         lambda: (expected(SPREAD), found((5.0,) * MANY)),
         lambda: (expected(SPREAD), found(SPREAD[: MANY // 2] + SPREAD[MANY // 2 + 1 :], error=1e-6)),
-        lambda: (replace(expected(), near_grazes=[Touch(time) for time in SPREAD[::4]]), found(SPREAD)),
+        lambda: (replace(expected(), near_grazes=[NearGraze(time, 0, 1.0) for time in SPREAD[::4]]), found(SPREAD)),
     ],
     ids=[
         "few and a crowd at the horizon", "few and a crowd everywhere", "many and a crowd at the horizon",

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from fakes import Reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,21 +14,12 @@ from henon_ref.harness.score import matching
 from henon_ref.harness.score.matching import Matching
 
 
-@dataclass(frozen=True)
-class Ev:
-    kind: str
-    surface: int
-    from_mode: tuple[int, ...]
-    to_mode: tuple[int, ...]
-    time: float
-
-
-def match(reference: list[Ev], found: list[Ev], **options: float | bool) -> Matching:
+def match(reference: list[Reference], found: list[Reference], **options: float | bool) -> Matching:
     """The same of sequences: a transition's place is its number."""
     return matching.match(dict(enumerate(reference)), dict(enumerate(found)), **options)
 
 
-def belt(n: int, period: float = 1.0, start: float = 0.3) -> list[Ev]:
+def belt(n: int, period: float = 1.0, start: float = 0.3) -> list[Reference]:
     """A stick-slip pattern of n transitions: crossing up, stick, release, crossing down, ..."""
     pattern = [
         ("crossing", (-1,), (1,)),
@@ -36,10 +28,10 @@ def belt(n: int, period: float = 1.0, start: float = 0.3) -> list[Ev]:
         ("crossing", (-1,), (1,)),
         ("crossing", (1,), (-1,)),
     ]
-    return [Ev(k, 0, a, b, start + period * i) for i in range(n) for k, a, b in [pattern[i % len(pattern)]]]
+    return [Reference(k, 0, a, b, start + period * i) for i in range(n) for k, a, b in [pattern[i % len(pattern)]]]
 
 
-def run(reference: list[Ev], found: list[Ev], **options: float | bool):
+def run(reference: list[Reference], found: list[Reference], **options: float | bool):
     until = max([e.time for e in reference + found if np.isfinite(e.time)], default=0.0) + 0.5
     return match(reference, found, start=0.0, until=until, **options)
 
@@ -50,10 +42,10 @@ KEYS = st.sampled_from(
 
 
 @st.composite
-def sequences(draw, least: int = 1) -> list[Ev]:
+def sequences(draw, least: int = 1) -> list[Reference]:
     keys = draw(st.lists(KEYS, min_size=least, max_size=30))
     gaps = draw(st.lists(st.floats(0.01, 3.0), min_size=len(keys), max_size=len(keys)))
-    return [Ev(k[0], 0, k[1], k[2], float(t)) for k, t in zip(keys, np.cumsum(gaps), strict=True)]
+    return [Reference(k[0], 0, k[1], k[2], float(t)) for k, t in zip(keys, np.cumsum(gaps), strict=True)]
 
 
 @given(sequences())
@@ -78,7 +70,7 @@ def test_one_spurious_transition_is_one_spurious_transition(reference, data):
     before = reference[k - 1].time if k else 0.0
     after = reference[k].time if k < len(reference) else reference[-1].time + 0.4
     extra = data.draw(KEYS)
-    found = [*reference[:k], Ev(extra[0], 0, extra[1], extra[2], (before + after) / 2), *reference[k:]]
+    found = [*reference[:k], Reference(extra[0], 0, extra[1], extra[2], (before + after) / 2), *reference[k:]]
     result = run(reference, found)
     assert len(result.spurious) + len(result.cut_found) == 1
     assert result.missed == ()
@@ -130,29 +122,29 @@ def test_a_run_that_went_wrong_half_way_is_not_credited_with_chance_matches():
 def test_crowded_transitions_are_matched_by_order():
     """Accumulating events: the gaps fall below the time error, the order is still right."""
     q = 0.5
-    reference = [Ev("crossing", 0, (s,), (-s,), 2.0 - q**k) for k in range(40) for s in [1 if k % 2 else -1]]
+    reference = [Reference("crossing", 0, (s,), (-s,), 2.0 - q**k) for k in range(40) for s in [1 if k % 2 else -1]]
     found = [replace(e, time=e.time + 1e-6) for e in reference]
     assert match(reference, found, start=0.0, until=3.0).exact
 
 
 def test_one_instant_on_two_surfaces_may_come_in_any_order():
-    together = [Ev("stick", 0, (1, 1), (0, 0), 1.0), Ev("stick", 1, (1, 1), (0, 0), 1.0)]
-    later = [Ev("release", 1, (0, 0), (0, -1), 2.0)]
-    one_by_one = [Ev("stick", 1, (1, 1), (1, 0), 1.0 - 1e-9), Ev("stick", 0, (1, 0), (0, 0), 1.0 + 1e-9)]
+    together = [Reference("stick", 0, (1, 1), (0, 0), 1.0), Reference("stick", 1, (1, 1), (0, 0), 1.0)]
+    later = [Reference("release", 1, (0, 0), (0, -1), 2.0)]
+    one_by_one = [Reference("stick", 1, (1, 1), (1, 0), 1.0 - 1e-9), Reference("stick", 0, (1, 0), (0, 0), 1.0 + 1e-9)]
     result = match(together + later, one_by_one + later, start=0.0, until=3.0)
     assert set(result.pairs) == {(0, 1), (1, 0), (2, 2)}
     assert result.exact
 
 
 def test_two_surfaces_apart_in_time_keep_their_order():
-    apart = [Ev("stick", 0, (1, 1), (0, 1), 1.0), Ev("stick", 1, (0, 1), (0, 0), 1.5)]
-    swapped = [Ev("stick", 1, (1, 1), (1, 0), 1.0), Ev("stick", 0, (1, 0), (0, 0), 1.5)]
+    apart = [Reference("stick", 0, (1, 1), (0, 1), 1.0), Reference("stick", 1, (0, 1), (0, 0), 1.5)]
+    swapped = [Reference("stick", 1, (1, 1), (1, 0), 1.0), Reference("stick", 0, (1, 0), (0, 0), 1.5)]
     assert not match(apart, swapped, start=0.0, until=3.0).exact
 
 
 def test_touches_are_counted_apart():
     reference = belt(6)
-    touch = Ev("graze", 0, (1,), (1,), 1.8)
+    touch = Reference("graze", 0, (1,), (1,), 1.8)
     result = run([*reference[:2], touch, *reference[2:]], reference)
     assert result.exact
     assert result.missed_touches == (2,)
@@ -163,7 +155,7 @@ def test_touches_are_counted_apart():
 
 
 def test_a_transition_at_the_horizon_may_fall_beyond_it():
-    reference = [Ev("crossing", 0, (1,), (-1,), 1.0), Ev("crossing", 0, (-1,), (1,), 2.0)]
+    reference = [Reference("crossing", 0, (1,), (-1,), 1.0), Reference("crossing", 0, (-1,), (1,), 2.0)]
     early = match(reference, reference[:1], start=0.0, until=2.0)
     assert (early.missed, early.cut_reference) == ((), (1,))
     assert match(reference, reference[:1], start=0.0, until=2.0, reached_horizon=False).missed == (1,)
@@ -202,7 +194,7 @@ def test_long_sequences_with_many_edits_are_aligned_in_bounded_memory(seed):
 @pytest.mark.parametrize("instants", [1, 3])
 def test_a_reset_that_is_applied_several_times_at_one_instant_is_matched_in_its_order(late, instants):
     """Impacts among three balls in a row: pair by pair, back and forth, all between the same modes."""
-    reference = [Ev("reset", i, (1, 1), (1, 1), 1.0 + 2.0 * k) for k in range(instants) for i in (0, 1, 0, 1, 0)]
+    reference = [Reference("reset", i, (1, 1), (1, 1), 1.0 + 2.0 * k) for k in range(instants) for i in (0, 1, 0, 1, 0)]
     found = [replace(event, time=event.time + late) for event in reference]
     result = run(reference, found)
     assert result.exact

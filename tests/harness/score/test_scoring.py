@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 from fakes import TIMES, expected, found, reference, trajectory
 
-from henon_ref.harness.score.reference import HALF_ULP
+from henon_ref.harness.score.reference import HALF_ULP, NearGraze
 from henon_ref.harness.score.scoring import digits, score, time_error
 
 
@@ -65,13 +65,7 @@ def test_a_missed_transition_that_the_tolerance_cannot_see_is_ill_conditioned():
 
 
 def test_a_near_touch_within_the_tolerance_is_ill_conditioned():
-    @dataclass(frozen=True)
-    class Touch:
-        time: float
-        distance: float
-        lasts: bool = False
-
-    truth = expected(near_grazes=(Touch(1.5, 1e-8),))
+    truth = expected(near_grazes=(NearGraze(1.5, 0, 1e-8),))
     extra = replace(found()[2], kind="crossing", from_mode=(1,), to_mode=(-1,), time=1.5)
     run = trajectory((*found()[:2], extra, *found()[2:]))
     assert score(run, truth, tolerance=1e-6).verdict.word == "ill-conditioned"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 from fakes import case, expected, found, trajectory
@@ -10,15 +10,8 @@ from fakes import case, expected, found, trajectory
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
 from henon_ref.harness.score.gate import Bounds
+from henon_ref.harness.score.reference import NearGraze
 from henon_ref.harness.score.scoring import score
-
-
-@dataclass(frozen=True)
-class Approach:
-    time: float
-    distance: float
-    lasts: bool = True
-    surface: int = 0
 
 
 def test_what_a_run_leaves_open_is_neither_missed_nor_right() -> None:
@@ -44,7 +37,7 @@ def test_a_run_that_is_open_behind_the_last_transition_is_right() -> None:
 
 @pytest.mark.parametrize(("begins", "word"), [(1.0, "ill-conditioned"), (3.0, "solver defect")])
 def test_what_is_invented_on_a_surface_that_is_approached_for_good_is_ill_conditioned(begins: float, word: str) -> None:
-    truth = expected((), near_grazes=(Approach(begins, 1e-8),), start_size=1.0)
+    truth = expected((), near_grazes=(NearGraze(begins, 0, 1e-8, lasts=True),), start_size=1.0)
     invented = replace(found()[0], time=2.0)
     assert score(trajectory((invented,)), truth, tolerance=1e-6).verdict.word == word
 
@@ -52,7 +45,7 @@ def test_what_is_invented_on_a_surface_that_is_approached_for_good_is_ill_condit
 @pytest.mark.parametrize(("tolerance", "word"), [(1e-7, "ill-conditioned"), (1e-9, "solver defect")])
 def test_between_two_instants_a_surface_is_approached_exponentially(tolerance: float, word: str) -> None:
     """It is 1e-6 away at t = 1, 1e-10 at t = 3, 1e-8 at t = 2."""
-    approached = (Approach(1.0, 1e-6), Approach(3.0, 1e-10))
+    approached = (NearGraze(1.0, 0, 1e-6, lasts=True), NearGraze(3.0, 0, 1e-10, lasts=True))
     truth = expected((), near_grazes=approached, start_size=1.0)
     invented = replace(found()[0], time=2.0)
     assert score(trajectory((invented,)), truth, tolerance=tolerance).verdict.word == word

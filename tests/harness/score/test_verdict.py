@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 from fakes import TIMES, case, expected, found, reference, trajectory
 
 from henon_ref.harness.campaign.options import Setting
 from henon_ref.harness.campaign.rows import Outcome, record, scored
+from henon_ref.harness.score.reference import NearGraze
 from henon_ref.harness.score.scoring import graze_distance, score
 from henon_ref.trajectory import Transition
 from henon_ref.workers.worker import Failure
-
-
-@dataclass(frozen=True)
-class Touch:
-    time: float
-    distance: float
-    lasts: bool = False
 
 
 def crossing(time: float, before: int = 1) -> Transition:
@@ -50,7 +44,7 @@ def test_a_pair_is_gone_once_an_error_is_as_large_as_its_depth(tolerance, word):
 @pytest.mark.parametrize(("tolerance", "word"), [(1e-6, "ill-conditioned"), (1e-9, "solver defect")])
 def test_a_touch_invented_within_the_tolerance_is_no_defect_where_the_exact_run_has_no_transition(tolerance, word):
     # The size of the state is that of its start: there is no transition to take it from.
-    truth = expected((), near_grazes=(Touch(2.0, 1e-8),), start_size=1.0)
+    truth = expected((), near_grazes=(NearGraze(2.0, 0, 1e-8),), start_size=1.0)
     run = trajectory((crossing(1.9999), crossing(2.0001, before=-1)))
     result = score(run, truth, tolerance=tolerance).verdict
     assert result.word == word
