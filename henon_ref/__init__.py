@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # also modules, under their public names
     import henon_ref.sweeps.points as points  # noqa: F401
     from henon_ref.analysis.lyapunov import lyapunov_exponents
     from henon_ref.analysis.periodic_orbit import periodic_orbit
-    from henon_ref.analysis.tangent import tangent_points
+    from henon_ref.analysis.tangent_points import tangent_points
     from henon_ref.baselines.adapter import ModeSolver
     from henon_ref.baselines.protocol.program import ProgramSolver
     from henon_ref.baselines.smooth_mode import SmoothMode
@@ -48,7 +48,7 @@ __version__ = "0.2.0"
 _NAMES = {
     "analysis.lyapunov": ("lyapunov_exponents",),
     "analysis.periodic_orbit": ("periodic_orbit",),
-    "analysis.tangent": ("tangent_points",),
+    "analysis.tangent_points": ("tangent_points",),
     "baselines.adapter": ("ModeSolver",),
     "baselines.protocol.program": ("ProgramSolver",),
     "baselines.smooth_mode": ("SmoothMode",),

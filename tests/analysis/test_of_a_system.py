@@ -18,7 +18,7 @@ SMOOTH = hr.System(["x", "v"], field=["v", "(1 - x^2)*v - x"])
 TWO_SURFACES = hr.System(["x", "v"], {}, {"a": "v", "b": "v - 1"}, ["v", "-x - a - b"])
 
 
-@pytest.mark.parametrize("module", ["analysis.lyapunov", "analysis.periodic_orbit", "analysis.tangent"])
+@pytest.mark.parametrize("module", ["analysis.lyapunov", "analysis.periodic_orbit", "analysis.tangent_points"])
 def test_the_examples_in_the_docstrings(module: str) -> None:
     tried = doctest.testmod(import_module(f"henon_ref.{module}"))
     assert tried.failed == 0

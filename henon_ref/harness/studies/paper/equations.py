@@ -10,7 +10,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from henon_ref.analysis.tangent import TangentAnalysis
+from henon_ref.analysis.tangent_points import TangentAnalysis
 from henon_ref.baselines.henon import HENON_SOLVER
 from henon_ref.figures import style
 from henon_ref.harness.studies.page import shipped_problem

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import sympy as sp
 
-from henon_ref.analysis.tangent import TangentAnalysis
+from henon_ref.analysis.tangent_points import TangentAnalysis
 from henon_ref.baselines.paper.rk4 import RK4
 from henon_ref.figures import style
 from henon_ref.figures.motion import Motion, plane_of

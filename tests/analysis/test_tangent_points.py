@@ -8,7 +8,7 @@ import pytest
 import sympy as sp
 
 import henon_ref as hr
-from henon_ref.analysis.tangent import TangentAnalysis
+from henon_ref.analysis.tangent_points import TangentAnalysis
 from henon_ref.errors import ModelError
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
