@@ -89,7 +89,7 @@ static inline void spare_digits(struct work *w, struct look *look, struct event 
     } else if (shorter < reach) {
         look->theta = shorter, look->final = false;
         look->natural = look->theta * run->unit;
-        w->mode->step_end(look->theta, w->c, w->change);
+        change_over(w, look->theta);
     }
 }
 
@@ -109,7 +109,7 @@ static inline int64_t take_step(struct work *w, const struct look *look, const s
     struct run *run = w->run;
     double unit = run->unit, step = part * unit;
     if (event->guard >= 0) {
-        w->mode->step_end(part, w->c, w->change);
+        change_over(w, part);
         for (int64_t g = 0; g < w->mode->guards; g++)
             w->hits[g] = w->faint[g] == 0
                          && (g == event->guard || (!above_zero_by_bound(w, g) && at_zero(w, g, part)));
@@ -162,7 +162,7 @@ static int64_t look_ahead(struct work *w, int64_t stop_at, bool *shrunk)
         return code;
     double unit = run->unit;
     struct look look = accepted_step(w, theta);
-    w->mode->step_end(look.theta, w->c, w->change);
+    change_over(w, look.theta);
     for (int64_t g = 0; g < w->mode->guards; g++)
         w->faint[g] = 0;
     if (guards_below_zero(w, look.natural / unit) && fails_beyond_rounding(w, look.natural / unit, undecidable)) {

@@ -116,6 +116,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
             return BEFORE_STEP;
         double left = remaining(run), unit = run->unit;
         int raised = 0;
+        w->changed_by = -1.0;
         if (run->stepping != FROM_LANES) {
             lower_range_flags();
             expand(w, w->x, w->c);
@@ -155,7 +156,7 @@ static inline int64_t event_free_steps(struct work *w, bool alone, bool shrunk, 
         *proposed = theta;
         if (alone || w->hidden || step >= left || theta > CHECKED_GROWTH || tail_unconverged(w, rows, theta))
             return ON;
-        w->mode->step_end(theta, w->c, w->change);
+        change_over(w, theta);
         for (int64_t g = 0; g < guards; g++)
             if (!(w->lower[g] > 0.0))
                 return ON;
@@ -194,6 +195,7 @@ static void refine_release(struct work *w, int64_t guard, double unit, double th
         double shift = -off / slope;
         if (fabs(shift) > 0.1 * theta || run->time + shift * unit > run->horizon)
             return;
+        w->changed_by = -1.0;
         for (int64_t i = 0; i < run->states; i++)
             w->change[i] = shift * row_ahead(w, i)[1];
         if (fabs(shift) > ALONG_TANGENT * theta) {

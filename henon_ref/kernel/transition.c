@@ -21,14 +21,15 @@ static const double *speeds_at(struct work *w)
 
 /* Put the state on the surfaces on which the mode slides, one after another until it is on all of them.
  *
- * It is beside a surface that moves, by the error of the run; friction may change within less.
+ * It is beside a surface that moves, by the error of the run; friction may change within less. Returns speeds_at for
+ * the state, or null if they have not been computed.
  */
-static void put_on_surfaces(struct work *w)
+static const double *put_on_surfaces(struct work *w)
 {
+    const double *distances = NULL;
     bool moved = true;
     for (int pass = 0; pass < MOST_PUT && moved; pass++) {
-        const double *distances = NULL;
-        moved = false;
+        distances = NULL, moved = false;
         for (int64_t g = 0; g < w->mode->guards; g++) {
             int64_t i = w->mode->guard[g].put_on;
             if (i < 0)
@@ -38,6 +39,7 @@ static void put_on_surfaces(struct work *w)
                 w->x[i] -= distances[2 * g], w->x_low[i] = 0.0, moved = true;
         }
     }
+    return moved ? NULL : distances;
 }
 
 /* +1 inside the hold zone of a surface, -1 outside, 0 if not clear; "stick": row of the mode that slides on the
@@ -204,7 +206,7 @@ static int64_t apply_event(struct work *w)
     const struct guard *guard = &w->mode->guard[run->guard];
     bool coincident = false;
     leave(w);
-    put_on_surfaces(w);
+    const double *speeds = put_on_surfaces(w);
     for (int64_t g = 0; g < w->mode->guards; g++)
         coincident = coincident || (w->hits[g] == 1 && g != run->guard);
     if (guard->kind == VALID)
@@ -224,7 +226,7 @@ static int64_t apply_event(struct work *w)
         if (guard->hold_zone == 1 && guard->mode_stuck < 0 && w->words == 0)
             return not_compiled(run, STICK, -1); /* the zone is known from the equations of the stick */
         run->expansions += 1;
-        int64_t code = at_surface(w, w->mode, run->guard, speeds_at(w), &found);
+        int64_t code = at_surface(w, w->mode, run->guard, speeds ? speeds : speeds_at(w), &found);
         if (code != ON)
             return code;
     }

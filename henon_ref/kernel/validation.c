@@ -32,11 +32,12 @@
  * alternating ones: no number of terms predicts how the root of an argument next to zero amplifies rounding. "ahead",
  * the expansion of the point by "code", is restored.
  */
-static void measure_rounding(const struct work *w, expand_code code, struct pair end, bool neighbours)
+static void measure_rounding(struct work *w, expand_code code, struct pair end, bool neighbours)
 {
     struct run *run = w->run;
     int64_t n = run->states, rows = n + w->mode->guards;
     double *rounding = w->change, *point = w->point;
+    w->changed_by = -1.0;
     w->mode->rounding(end.high, end.low, OWN_ROUNDING, point, w->constants, rounding);
     for (int64_t r = 0; r < rows; r++) {
         bool smooth = r < n || w->mode->guard[r - n].branches == 0;
@@ -129,14 +130,14 @@ static inline double reached(const struct work *w, int64_t state, double slope, 
  * without branch points need no comparison. The step is "theta" units long. "hidden": compare to HIDDEN tolerances,
  * otherwise to the part AGREEMENT of the terms' sizes.
  */
-static void compare_at(const struct work *w, double at, double theta, expand_code slopes, bool decreasing,
+static void compare_at(struct work *w, double at, double theta, expand_code slopes, bool decreasing,
                        bool hidden, struct agreement *found)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
     struct pair end = time_after(run, at * run->unit);
     expand_code code = slopes ? slopes : w->mode->expansion;
-    w->mode->step_end(at, w->c, w->change);
+    change_over(w, at);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
     code(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
@@ -193,12 +194,12 @@ static void compare_at(const struct work *w, double at, double theta, expand_cod
  * at a right angle has only every fourth coefficient, that of cos(t^5) - x at t = 0 those of exp(-t), which decrease,
  * and every tenth. Hidden terms are in the slopes at the step's end, but not in the polynomial's.
  */
-static bool has_hidden_terms(const struct work *w, double theta)
+static bool has_hidden_terms(struct work *w, double theta)
 {
     struct run *run = w->run;
     int64_t n = run->states, guards = w->mode->guards, order = run->order;
     struct pair end = time_after(run, theta * run->unit);
-    w->mode->step_end(theta, w->c, w->change);
+    change_over(w, theta);
     for (int64_t i = 0; i < n; i++)
         w->point[i] = w->x[i] + w->change[i];
     w->mode->slopes(end.high, end.low, run->unit, w->point, w->constants, w->ahead);
@@ -237,7 +238,7 @@ static bool has_hidden_terms(const struct work *w, double theta)
  * branch points are not compared if all terms decrease, and on a step much shorter than the last one their differences
  * are ignored, because rounding alone may change a guard next to zero.
  */
-static double validated_step(const struct work *w, double theta, bool grown, bool unconverged)
+static double validated_step(struct work *w, double theta, bool grown, bool unconverged)
 {
     const struct run *run = w->run;
     int64_t rows = run->states + w->mode->guards, order = run->order;

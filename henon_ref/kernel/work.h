@@ -37,6 +37,7 @@ struct work {
     double *powers, *scaled, *stack;
     double *room;                   /* all of the following */
     double *change, *lower;         /* changes of the states over a step; lower bounds of the guards */
+    double changed_by;              /* theta of "change" and "lower"; -1 if they are not those of c */
     double *point, *speeds, *own_rounding;
     double *origin;
     int64_t *remembered;
@@ -157,6 +158,7 @@ static inline struct work work_of(struct run *run, const struct tables *tables)
     const struct places p = places_of(n, most, run->order, run->contacts, run->constants);
     double *block = (double *)run;
     struct work w = {.run = run, .tables = tables, .width = p.width, .record_width = p.record_width};
+    w.changed_by = -1.0;
     w.last_steps = block + p.last_steps;
     w.x = block + p.state, w.x_low = w.x + n, w.x_before = w.x + 2 * n;
     w.known_zeros = (int64_t *)(block + p.known_zeros), w.hits = w.known_zeros + most, w.faint = w.hits + most;
@@ -198,6 +200,14 @@ static inline void expand(const struct work *w, const double *x, double *rows)
 {
     const struct run *run = w->run;
     w->mode->expansion(run->time, run->time_low, run->unit, x, w->constants, rows);
+}
+
+/* Compute the changes over a step of theta units, and the lower bounds, unless they are known. */
+static inline void change_over(struct work *w, double theta)
+{
+    if (w->changed_by != theta)
+        w->mode->step_end(theta, w->c, w->change);
+    w->changed_by = theta;
 }
 
 /* Check whether a set contains an index; bit 63 stands for all indices from 63 on. */
