@@ -157,7 +157,7 @@ class SmoothMode(ABC):
             return Stop("horizon", t, 0.0, state, samples=samples)
         last = len(self.model.guards)
         if not len(fallen):
-            raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}; it is empty (None: the horizon)")
+            raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}; leave it out at the horizon")
         for k in fallen:
             if isinstance(k, (bool, np.bool_)) or not 0 <= k <= last:
                 raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}, not {k!r}")

@@ -16,7 +16,14 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
-from henon_ref.system.python_arguments import argument_error, mapping_of, tree_of, without_dimensions, written, written_name
+from henon_ref.system.python_arguments import (
+    argument_error,
+    mapping_of,
+    tree_of,
+    without_dimensions,
+    written,
+    written_name,
+)
 from henon_ref.system.tree import MappingNode, Node, mapping
 from henon_ref.text import listed, shortened
 
@@ -139,7 +146,8 @@ def numbers(given: Any, what: str) -> NDArray[np.float64]:
         raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
     try:
         array = np.asarray(given if hasattr(given, "__len__") else list(given))
-        if array.dtype.kind in "bcmM" or np.ma.is_masked(given):  # NumPy would make numbers of these
+        texts = array.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in array.ravel())
+        if array.dtype.kind in "bcmMUS" or texts or np.ma.is_masked(given):  # NumPy would make numbers of these
             raise TypeError
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
