@@ -224,6 +224,25 @@ def test_a_run_does_not_pass_a_surface_to_which_its_maps_have_come(part: str) ->
     assert run.t[-1] == pytest.approx(1 + {"d/2": 2, "d*0.9": 10}[part], abs=1e-10)
 
 
+@pytest.mark.parametrize("unit", [1, 1e-13, 1e-20, 1e14])
+def test_a_ball_that_leaves_the_floor_bounces_in_any_unit_of_time(unit: float) -> None:
+    # Thrown with 1 under 10 it flies 0.2, 0.16, ...: it rests at 1. Its speed was held against its acceleration.
+    floor = hr.System(["x", "v"], {"g": 10 / unit**2}, {"s": "x"}, ["v", "-g"], resets={"s": {"map": {"v": "-4/5*v"}}})
+    found = hr.simulate(floor, {"x": 0, "v": 1 / unit}, until=12 * unit).transitions
+    assert (found["time_s"].iloc[[0, 1, -1]] / unit).tolist() == pytest.approx([0.2, 0.36, 1], rel=1e-9)
+    assert found["kind"].tolist() == ["reset"] * 70 + ["stick"]
+
+
+@pytest.mark.parametrize("speed", [1e-13, 1e-20])
+def test_the_least_speed_on_the_floor_is_no_rest(speed: float) -> None:
+    floor = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-10"], resets={"s": {"map": {"v": "-4/5*v"}}})
+    run = hr.simulate(floor, {"x": 0, "v": speed}, until=12)
+    assert (run.transitions["kind"].tolist(), run.y[1, -1]) == (["reset", "stick"], 0.0)
+    assert abs(run.y[0, -1]) < speed**2
+    down = hr.simulate(floor, {"x": 0, "v": -speed}, until=12)
+    assert (down.status, down.message) == ("invalid", "at t = 0 the state is on s, which resets it, and moves into it")
+
+
 def test_a_map_may_put_the_state_on_its_surface() -> None:
     written = FilippovSystem((X, V), (S,), (X,), FALLS, resets={0: Reset({X: sp.Integer(0), V: -R8 * V})})
     found = run(Problem(with_resting(written), sp.Integer(0), (sp.Integer(1), sp.Integer(0)), sp.Integer(5)))

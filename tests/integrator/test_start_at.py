@@ -235,8 +235,8 @@ def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
 
 def test_a_start_on_surfaces_is_decided_once(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = hr.System(["x", "y"], {"a": 1, "b": 2}, {"s": "x", "u": "y"}, ["a*t - s", "b*t - u"])
-    real, decided = precise_modes.mode_by_signs, list[object]()
-    monkeypatch.setattr(precise_modes, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
+    real, decided = precise_modes.mode_at_start, list[object]()
+    monkeypatch.setattr(precise_modes, "mode_at_start", lambda at, *given: decided.append(given) or real(at, *given))
     hr.simulate(pair, {"x": 1, "y": 1}, until=0.1)  # the first run of a system prepares the starts of later ones
     starts: list[dict[str, Any]] = [
         {"start": 0},
