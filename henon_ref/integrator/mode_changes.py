@@ -195,7 +195,7 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
     run.put(run.now, after)
     if not all(abs(high) < LEVELS.blown_up for high, _ in after):
         return ending_of(run, kernel.DIVERGED)
-    ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on), (), applied)
+    ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on, found.left), (), applied)
     for end, resting, mode in rests:
         if ended is not None:
             break
@@ -209,10 +209,17 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
     return ended
 
 
-def _zeros_on(run: State, mode: Mode | None, on: Sequence[int]) -> Sequence[int]:
-    """Return the known zeros of a mode's guards at the current point, which lies on the given surfaces."""
-    at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
-    return () if mode is None else contact_orders(at, mode, on)
+def _zeros_on(run: State, mode: Mode | None, on: Sequence[int], left: Sequence[int] = ()) -> Sequence[int]:
+    """Return the known zeros of a mode's guards at the current point, which lies on the surfaces ``on``.
+
+    ``left``: surfaces that the state leaves with a speed, which derivatives in doubles might take for zero.
+    """
+    if mode is None:
+        return ()
+    orders = contact_orders(run.start.constants.in_doubles.at(run.time, run.x.tolist()), mode, on)
+    guards = run.integrator.system.guards(mode) if orders else ()
+    own = [guard.kind == "surface" and guard.index in left for guard in guards]
+    return [1 if leaves else order for leaves, order in zip(own, orders, strict=True)]
 
 
 def close_to_horizon(run: State) -> bool:
