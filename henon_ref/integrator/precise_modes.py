@@ -295,15 +295,17 @@ def start_mode(
     signs: tuple[int | None, ...],
     given: tuple[tuple[int, int], ...],
     part: float,
+    unit: float,
 ) -> StartMode:
     """Return the mode of a start on surfaces that compiled code does not decide, by fields and derivatives.
 
     ``modes``: in doubles; ``signs``: of the surfaces, then of the ``valid`` expressions, None for one without a value;
-    ``given``: surfaces with their entries, where several motions are possible; ``part``: see :func:`signs_in_mode`.
+    ``given``: surfaces with their entries, where several motions are possible; ``part``: see :func:`signs_in_mode`;
+    ``unit``: :func:`henon_ref.modes.arithmetic.time_unit` of the run.
     """
     system, count = modes.system, len(modes.system.surfaces)
     known = [1 if sign is None else sign for sign in signs]
-    at = modes.at(t, x)
+    at = modes.at(t, x, unit=unit)
     known[:count], entries = signs_in_mode(at, known[:count], dict(given), part)
     decision, left = mode_at_start(at, known[:count], known[count:], entries)
     unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()

@@ -233,6 +233,18 @@ def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
         Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-13, 1e-20])
+def test_a_start_on_surfaces_is_the_same_in_any_unit_of_time(unit: float) -> None:
+    # Drives grow until their contacts let go. In a unit of 1e-13 s their growth seemed larger than the friction: both
+    # slid backwards from the start, with status ok.
+    for field, times in ((["t/T - s", "t/(2*T) - u"], [1, 2]), (["t/T - 2*s", "3*s - 2*u"], [4 / 3, 2])):
+        system = hr.System(["x", "y"], {"T": unit}, {"s": "x", "u": "y"}, [f"({rate})/T" for rate in field])
+        run = hr.simulate(system, {"x": 0, "y": 0}, until=3 * unit)
+        assert (run.status, run.mode(0.0), run.final_mode) == ("ok", {"s": 0, "u": 0}, "s=+1 u=+1")
+        assert run.transitions["kind"].tolist() == ["release", "release"]
+        assert (run.transitions["time_s"] / unit).tolist() == pytest.approx(times, rel=1e-12)
+
+
 def test_a_start_on_surfaces_is_decided_once(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = hr.System(["x", "y"], {"a": 1, "b": 2}, {"s": "x", "u": "y"}, ["a*t - s", "b*t - u"])
     real, decided = precise_modes.mode_at_start, list[object]()
