@@ -161,9 +161,10 @@ class Point(Protocol):
 def time_unit(length: float) -> float:
     """Return the time [s] in which a slope is compared with the slope's derivative, where nothing else gives a scale.
 
-    A second, or the length of a run that is shorter than 2^-10 s, to a power of 2 (which changes no bits).
+    A second, or the length of a run that is shorter than 2^-10 s or longer than 2^30 s, to a power of 2 (which changes
+    no bits).
     """
-    return 1.0 if not 0.0 < length < 2.0**-10 else 2.0 ** floor(log2(length))
+    return 1.0 if 2.0**-10 <= length <= 2.0**30 or not length > 0.0 else 2.0 ** floor(log2(length))
 
 
 def growth(series: Sequence[float], first: int) -> float:
