@@ -140,8 +140,8 @@ class SmoothMode(ABC):
         Raises
         ------
         ContractError
-            If t is not finite, an array has another shape, or ``fallen`` contains a value that is not an index; the run
-            is then ``failed``.
+            If t is not finite, an array has another shape, or ``fallen`` is empty or contains a value that is not an
+            index; the run is then ``failed``.
         """
         if not math.isfinite(t):
             raise ContractError(f"'t' must be a time, not {t!r}")
@@ -156,6 +156,8 @@ class SmoothMode(ABC):
         if fallen is None:
             return Stop("horizon", t, 0.0, state, samples=samples)
         last = len(self.model.guards)
+        if not len(fallen):
+            raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}; leave it out at the horizon")
         for k in fallen:
             if isinstance(k, (bool, np.bool_)) or not 0 <= k <= last:
                 raise ContractError(f"'fallen' must contain indices of guards, 0 to {last}, not {k!r}")

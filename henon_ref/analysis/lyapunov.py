@@ -24,7 +24,7 @@ from henon_ref.integrator.integrator import local_error
 from henon_ref.modes.problem import Problem
 from henon_ref.simulation.arguments import problem_of, tolerance_of
 from henon_ref.simulation.system import System
-from henon_ref.system.python_arguments import explained, written
+from henon_ref.system.python_arguments import explained, without_dimensions, written
 from henon_ref.trajectory import Status
 
 BATCHES = 10
@@ -176,6 +176,7 @@ def lyapunov_exponents(
     >>> [round(e, 3) for e in hr.lyapunov_exponents(oscillator, {"x": 1, "v": 0}, span=500).exponents]
     [-0.1, -0.1]
     """
+    span, discard = without_dimensions(span), without_dimensions(discard)
     if not (isinstance(span, Real) and 0 < float(span) < math.inf):
         raise ArgumentError(f"span is {str(span)[:60]}; wanted a time in s, larger than 0")
     if not (isinstance(discard, Real) and 0 <= float(discard) < math.inf):

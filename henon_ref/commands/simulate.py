@@ -124,7 +124,8 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
         if name in (*parameters, *initial):
             raise CaseError(f"--set {entry}: '{name}' is set twice")
         (initial if name in system.state else parameters)[name] = value
-    return simulate(
+    status_line.show(f"simulating to t = {own.until if until is None else until} s; Ctrl-C interrupts")
+    run = simulate(
         system,
         {**own.initial, **initial},
         until=until,
@@ -133,6 +134,8 @@ def _run(system: System, until: str | None, values: Sequence[str], rtol: float, 
         rtol=rtol,
         dense_output=dense,
     )
+    status_line.clear()
+    return run
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -100,7 +100,9 @@ class ProvenMaps:
         model, system, index = self.model, self.model.system, self.applied[-1]
         at = model.at(box)
         for j, h in enumerate(model.surfaces):
-            if j in jump.kept:
+            known = jump.side(j, self.sides[j])
+            if known is not None:
+                self.sides[j] = known
                 continue
             side = sign_of(enclose(h, at))
             if side == 0:
@@ -112,7 +114,7 @@ class ProvenMaps:
         moved = {system.states[k] for k in jump.moved}
         for j in sorted(system.resets):
             impact = impact_of(system, j)
-            if j not in jump.kept or impact is None:
+            if impact is None or not (j in jump.kept or (j == index and jump.stays)):
                 continue
             if j == index and self.sides[j] == 0:
                 self.speeds[j] = self._rate(j, impact, at) if self._thrown is None else self._thrown

@@ -47,7 +47,8 @@ def check_power(base: sp.Expr, exponent: sp.Expr, offset: int) -> None:
         if base.is_zero and not exponent.is_positive:
             raise ExpressionError("division by zero" if exponent.is_negative else "a power of zero", offset)
         if base.is_negative and not exponent.is_integer:
-            raise ExpressionError("a power of a negative number is real for integer exponents only", offset)
+            root = "'sqrt' of" if exponent in (sp.S.Half, -sp.S.Half) else f"the power {shown(exponent)} of"
+            raise ExpressionError(f"{root} {shown(base)} is not a real number", offset)
     if exponent.is_Rational:
         size = abs(exponent)
         if exponent.q > MAX_ROOT:
@@ -81,6 +82,8 @@ def check_domain(name: str, argument: sp.Expr, offset: int) -> None:
     """Refuse numbers at which a function is not defined, or that SymPy cannot reduce."""
     if name in ("sin", "cos", "tan") and abs(argument.evalf(_DIGITS)) > MAX_ANGLE:
         raise ExpressionError(f"'{name}' of {shown(argument)}: at most {MAX_ANGLE:.0e} is allowed", offset)
+    if name == "log" and argument.is_negative:
+        raise ExpressionError(f"'log' of {shown(argument)} is not a real number", offset)
     if name in ("asin", "acos"):
         beyond = abs(argument if argument.is_Rational else argument.evalf(120)) - 1
         if beyond > 0:

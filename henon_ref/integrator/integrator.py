@@ -24,6 +24,7 @@ from henon_ref.integrator.mode_table import ModeTable
 from henon_ref.integrator.pairs import Pair, exact_expression, pair_of_exact
 from henon_ref.integrator.records import CHUNK, STATE_PLACE, Workspace, written
 from henon_ref.kernel.library import doubles, ffi, integers, kernel
+from henon_ref.modes.arithmetic import time_unit
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import REMAINING
@@ -282,7 +283,8 @@ def _decided(
     """Put a run into the mode that the fields and their derivatives select, as :func:`_entered`."""
     table, t = constants.table, workspace.run.time
     states, surfaces, x = len(table.system.states), len(table.system.surfaces), _state(constants, workspace)
-    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), RUN_ERROR * workspace.run.tolerance)
+    unit, part = time_unit(workspace.run.horizon - t), RUN_ERROR * workspace.run.tolerance
+    found = constants.start_mode(t, x, tuple(signs), tuple(given.items()), part, unit)
     row = None if found.mode is None else table.row(found.mode)
     if found.mode is None or row is None:
         reason = found.reason or "the mode at the start has no equations"

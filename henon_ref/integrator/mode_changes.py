@@ -19,9 +19,11 @@ from henon_ref.integrator.run_result import KINDS, Reason
 from henon_ref.integrator.state_view import State
 from henon_ref.kernel.library import LEVELS, kernel
 from henon_ref.modes.after_jump import after_jump
+from henon_ref.modes.arithmetic import time_unit
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, numbered_mode, replaced, transition_kind
+from henon_ref.modes.mode_evaluation import TapePoint
 from henon_ref.modes.resets import REMAINING, resetting, rows_at
 from henon_ref.modes.selection import after_event, contact_orders
 from henon_ref.precision import working_precision
@@ -195,7 +197,7 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
     run.put(run.now, after)
     if not all(abs(high) < LEVELS.blown_up for high, _ in after):
         return ending_of(run, kernel.DIVERGED)
-    ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on), (), applied)
+    ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on, found.left), (), applied)
     for end, resting, mode in rests:
         if ended is not None:
             break
@@ -209,10 +211,23 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
     return ended
 
 
-def _zeros_on(run: State, mode: Mode | None, on: Sequence[int]) -> Sequence[int]:
-    """Return the known zeros of a mode's guards at the current point, which lies on the given surfaces."""
-    at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
-    return () if mode is None else contact_orders(at, mode, on)
+def _zeros_on(run: State, mode: Mode | None, on: Sequence[int], left: Sequence[int] = ()) -> Sequence[int]:
+    """Return the known zeros of a mode's guards at the current point, which lies on the surfaces ``on``.
+
+    ``left``: surfaces that the state leaves with a speed, which derivatives in doubles might take for zero.
+    """
+    if mode is None:
+        return ()
+    orders = contact_orders(_point(run), mode, on)
+    guards = run.integrator.system.guards(mode) if orders else ()
+    own = [guard.kind == "surface" and guard.index in left for guard in guards]
+    return [1 if leaves else order for leaves, order in zip(own, orders, strict=True)]
+
+
+def _point(run: State) -> TapePoint:
+    """Return the current point in doubles."""
+    unit = time_unit(run.until[0] - run.start.time[0])
+    return run.start.constants.in_doubles.at(run.time, run.x.tolist(), unit=unit)
 
 
 def close_to_horizon(run: State) -> bool:
@@ -278,7 +293,7 @@ def select_mode(run: State) -> Ending | None:
     hits: list[Guard] = [g for g, hit in zip(run.guards, run.hits, strict=False) if hit]
     if surfaces := resetting(run.integrator.system, before, hits):
         return jump(run, surfaces, hits)
-    at = run.start.constants.in_doubles.at(run.time, run.x.tolist())
+    at = _point(run)
     placed = zip(run.guards, run.hits, run.integrator.mode_table.places(before), strict=False)
     reached = [place for g, hit, place in placed if hit and g.kind == "surface" and place >= 0]
     if len(reached) == 1:  # a force that begins at this surface is exactly zero, whatever the error of the time

@@ -325,7 +325,7 @@ def jump_code(system: FilippovSystem) -> JumpCode | None:
     for i, jump in jumps.items():
         outputs += [jump.states[k] for k in jump.moved]
         outputs += [_carried(jump.states[k], system.states, lost) for k in jump.moved]
-        new = [j for j in range(len(system.surfaces)) if j not in jump.kept]
+        new = [j for j in range(len(system.surfaces)) if jump.side(j, 0) is None]
         outputs += [jump.guards[j] for j in new]
         impact = impact_of(system, i)
         outputs += [sp.Integer(1) if impact is None or impact.refusal else impact.ratio]

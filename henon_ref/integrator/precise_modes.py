@@ -33,7 +33,7 @@ from henon_ref.modes.mode_evaluation import (
     guards_and_tape,
     shared_tape,
 )
-from henon_ref.modes.selection import contact_orders, mode_by_signs, stays
+from henon_ref.modes.selection import contact_orders, mode_at_start, stays
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.taylor.series import BALL, expand
@@ -295,17 +295,19 @@ def start_mode(
     signs: tuple[int | None, ...],
     given: tuple[tuple[int, int], ...],
     part: float,
+    unit: float,
 ) -> StartMode:
     """Return the mode of a start on surfaces that compiled code does not decide, by fields and derivatives.
 
     ``modes``: in doubles; ``signs``: of the surfaces, then of the ``valid`` expressions, None for one without a value;
-    ``given``: surfaces with their entries, where several motions are possible; ``part``: see :func:`signs_in_mode`.
+    ``given``: surfaces with their entries, where several motions are possible; ``part``: see :func:`signs_in_mode`;
+    ``unit``: :func:`henon_ref.modes.arithmetic.time_unit` of the run.
     """
     system, count = modes.system, len(modes.system.surfaces)
     known = [1 if sign is None else sign for sign in signs]
-    at = modes.at(t, x)
+    at = modes.at(t, x, unit=unit)
     known[:count], entries = signs_in_mode(at, known[:count], dict(given), part)
-    decision = mode_by_signs(at, known[:count], known[count:], entries)
+    decision, left = mode_at_start(at, known[:count], known[count:], entries)
     unused = system.unused_kinks(decision.mode) if None in signs and decision.mode else frozenset[int]()
     for i, sign in enumerate(signs):
         if sign is None and i not in unused:  # a kink in a branch that the mode does not use needs no value
@@ -317,10 +319,13 @@ def start_mode(
     if not (active or edges):
         return StartMode(decision.mode, [], [])
     try:
+        guards = system.guards(decision.mode)
         orders = contact_orders(at, decision.mode, active, edges)
+        own = [g.kind == "surface" and g.index in left for g in guards]
+        orders = [1 if leaves else order for leaves, order in zip(own, orders, strict=True)]
         still = [
             guard.index
-            for guard, order in zip(system.guards(decision.mode), orders, strict=True)
+            for guard, order in zip(guards, orders, strict=True)
             if guard.kind == "surface" and guard.index in active
             if order > 1 or stays(at, decision.mode, guard.index)
         ]

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -21,9 +23,19 @@ from pathlib import Path
 import llvmlite
 import llvmlite.binding as llvm
 
+from henon_ref.errors import ArgumentError
 from henon_ref.jit.cache_folder import OBJECTS, cache_root, read, write
 from henon_ref.kernel.library import CPU_VARIABLE
 
+TRIED = """\
+import sys
+import llvmlite.binding as llvm
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
+machine = llvm.Target.from_default_triple().create_target_machine(cpu=sys.argv[1])
+machine.emit_object(llvm.parse_assembly("define void @f() { ret void }"))
+"""
+"""Program that compiles for the processor of its argument; LLVM aborts it, or complains on stderr, if it cannot."""
 MAX_OBJECTS = 2048
 """Largest number of objects on disk; beyond it, the half that was unused for longest is removed."""
 
@@ -36,7 +48,22 @@ def target() -> tuple[str, str]:
     fused operations.)
     """
     named = os.environ.get(CPU_VARIABLE)
-    return (named, "") if named else (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    if named:
+        _check_processor(named)
+        return named, ""
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+@cache
+def _check_processor(name: str) -> None:
+    """Raise ArgumentError if LLVM has no 64-bit processor of this name.
+
+    It is tried in a process of its own, because LLVM aborts the process.
+    """
+    found = subprocess.run([sys.executable, "-c", TRIED, name], capture_output=True, text=True, check=False)
+    if found.returncode != 0 or found.stderr:
+        words = f"the variable {CPU_VARIABLE} is {name[:60]!r}"
+        raise ArgumentError(f"{words}; wanted LLVM's name of a 64-bit processor, such as haswell, or no value")
 
 
 def _target(*, optimised: bool) -> llvm.TargetMachine:

@@ -50,6 +50,8 @@ class AfterJump:
     """Rests after accumulating impacts: a body may come to rest at once, and others later."""
     still: tuple[int, ...] = ()
     """Surfaces at which the impact has left zero speed and that only the acceleration makes the state leave."""
+    left: tuple[int, ...] = ()
+    """Surfaces that the state leaves with a speed, however small."""
 
 
 def after_jump(
@@ -74,7 +76,9 @@ def after_jump(
         return AfterJump(_not_finite(numbers, t, x), x)
     if isinstance(end, Decision):
         return AfterJump(end, x)
-    return replace(_Rule(system, numbers, mode, end, t).after(most), applied=end.applied)
+    rule = _Rule(system, numbers, mode, end, t)
+    left = tuple(i for i, rate in rule.rates.items() if rate.sign)
+    return replace(rule.after(most), applied=end.applied, left=left)
 
 
 def _refused(reason: str) -> Decision:

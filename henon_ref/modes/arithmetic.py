@@ -8,6 +8,7 @@ as zero if its ball contains zero. A :class:`Point` has the values of a system's
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log2
 from typing import Any, Protocol
 
 import sympy as sp
@@ -37,13 +38,18 @@ class Doubles:
     carries_errors = False
     """Whether a number has its own error bound, so that no size is needed to decide whether it is zero."""
 
-    def rate(self, states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = ()) -> float:
+    def rate(
+        self, states: Sequence[Sequence[float]], guards: Sequence[Sequence[float]] = (), unit: float = 1.0
+    ) -> float:
         """Return an inverse time scale of the solution, which makes coefficients of different orders comparable.
 
         It is the largest growth rate of the states' coefficients relative to their slopes, and of the guards' high
         orders (whose low orders may be zeros changed by rounding). Coefficients that are noise are not used as a scale.
+        ``unit``: :func:`time_unit` of the run.
         """
         rate = 0.0
+        if unit != 1.0:
+            states, guards = ([scaled(series, 1.0 / unit) for series in some] for some in (states, guards))
         for series in states:
             rate = max(rate, growth(series, 3 if _noise(series, 1, 3) else 1))
         for series in guards:
@@ -53,7 +59,7 @@ class Doubles:
                 for k in range(j + 2, len(series)):
                     if series[k] != 0:
                         rate = max(rate, (abs(series[k]) / abs(series[j])) ** (1 / (k - j)))
-        return rate or 1.0
+        return (rate or 1.0) / unit
 
     def leading(self, series: Sequence[float], first: int, rate: float, size: float, zero: float) -> int | None:
         """Index of the first coefficient from ``first`` on that is not zero relative to ``size`` and the rest."""
@@ -87,7 +93,7 @@ class Balls:
     levels: tuple[float, ...] = (0.0,)
     carries_errors = True
 
-    def rate(self, states: Sequence[Sequence[arb]], guards: Sequence[Sequence[arb]]) -> float:
+    def rate(self, states: Sequence[Sequence[arb]], guards: Sequence[Sequence[arb]], unit: float = 1.0) -> float:
         """1: each coefficient is compared with zero by itself; ValueError if one is not finite."""
         if not all(c.is_finite() for series in guards for c in series):
             raise ValueError("a derivative is not finite")
@@ -150,6 +156,15 @@ class Point(Protocol):
 
     def same_motion(self, first: Mode, second: Mode) -> bool:
         """Whether two modes with equations have the same motion, in all derivatives that are computed."""
+
+
+def time_unit(length: float) -> float:
+    """Return the time [s] in which a slope is compared with the slope's derivative, where nothing else gives a scale.
+
+    A second, or the length of a run that is shorter than 2^-10 s or longer than 2^30 s, to a power of 2 (which changes
+    no bits).
+    """
+    return 1.0 if 2.0**-10 <= length <= 2.0**30 or not length > 0.0 else 2.0 ** floor(log2(length))
 
 
 def growth(series: Sequence[float], first: int) -> float:

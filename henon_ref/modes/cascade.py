@@ -163,9 +163,10 @@ class Cascade:
         self._count += 1
         system, numbers, x = self._system, self._numbers, now.state
         jump = jump_of(system, index)
-        places = [j for j in range(len(system.surfaces)) if j not in jump.kept]
+        known = [jump.side(j, side) for j, side in enumerate(now.sides)]
+        places = [j for j, side in enumerate(known) if side is None]
         values = numbers.values((*jump.states, *(jump.guards[j] for j in places)), self._t, x)
-        after, sides = values[: len(x)], list(now.sides)
+        after, sides = values[: len(x)], [side or 0 for side in known]
         for j, value in zip(places, values[len(x) :], strict=True):
             sides[j] = numbers.sign(value)
         made = replace(now, state=after, sizes=self._grown(now, index, after))
@@ -179,7 +180,7 @@ class Cascade:
         for j in sorted(system.resets):
             impact = impact_of(system, j)
             slides = self._mode[j] == 0 and not system.rests(j)  # the surface was reached from below
-            if impact is None or j not in jump.kept or slides:
+            if impact is None or j in places or slides:
                 continue
             if not (j == index or self._speed(impact).free_symbols & moved):
                 continue

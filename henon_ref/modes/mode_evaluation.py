@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import DOUBLES, ORDER, Arithmetic, Leading
+from henon_ref.modes.arithmetic import DOUBLES, ORDER, Arithmetic, Leading, time_unit
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
@@ -101,13 +101,14 @@ class ModeEvaluation:
         found: Callable[..., list[Any]] = sp.lambdify([names[k] for k in places], values, "math", cse=True)
         return lambda *at: found(*(at[k] for k in places))
 
-    def at(self, t: Any, x: Sequence[Any], levels: tuple[float, ...] | None = None) -> TapePoint:
-        """Return a point; ``levels``: see :attr:`Doubles.levels`."""
-        return TapePoint(self, t, x, self.arithmetic.levels if levels is None else levels)
+    def at(self, t: Any, x: Sequence[Any], levels: tuple[float, ...] | None = None, unit: float = 1.0) -> TapePoint:
+        """Return a point; ``levels``: see :attr:`Doubles.levels`; ``unit``: :func:`time_unit` of the run."""
+        return TapePoint(self, t, x, self.arithmetic.levels if levels is None else levels, unit)
 
     def at_start(self, problem: Problem) -> TapePoint:
         """Return the start of a problem, in doubles."""
-        return self.at(float(problem.start), [float(v) for v in problem.initial])
+        unit = time_unit(float(problem.until - problem.start))
+        return self.at(float(problem.start), [float(v) for v in problem.initial], unit=unit)
 
     @cached_method
     def _made(self, mode: Mode) -> tuple[tuple[Guard, ...], Tape, list[Any]] | None:
@@ -170,8 +171,8 @@ class ModeEvaluation:
 class TapePoint:
     """Point evaluated by the tapes of its modes; see :class:`henon_ref.modes.arithmetic.Point`."""
 
-    def __init__(self, modes: ModeEvaluation, t: Any, x: Sequence[Any], levels: tuple[float, ...]) -> None:
-        self._modes, self._t, self._x, self.levels = modes, t, x, levels
+    def __init__(self, modes: ModeEvaluation, t: Any, x: Sequence[Any], levels: tuple[float, ...], unit: float) -> None:
+        self._modes, self._t, self._x, self.levels, self._unit = modes, t, x, levels, unit
         self.system, self.arithmetic = modes.system, modes.arithmetic
 
     @property
@@ -191,7 +192,7 @@ class TapePoint:
         if not abs(value * bend) <= 1e-6 * rate * rate or rate == 0:
             return self
         step = -value / rate
-        return self._modes.at(self._t + step, [x + step * slope for x, slope, _ in states], self.levels)
+        return self._modes.at(self._t + step, [x + step * slope for x, slope, _ in states], self.levels, self._unit)
 
     def guards(self, mode: Mode) -> tuple[Guard, ...] | None:
         guards = self._modes.guards(mode)
@@ -203,7 +204,7 @@ class TapePoint:
     def series(self, mode: Mode) -> tuple[list[list[Any]], float]:
         """Return the Taylor coefficients of a mode's guards, and a rate that makes them comparable."""
         states, outputs = self._expanded(mode, ORDER)
-        return outputs, self.arithmetic.rate(states, outputs)
+        return outputs, self.arithmetic.rate(states, outputs, self._unit)
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
         outputs, rate = self.series(mode)

@@ -48,8 +48,20 @@ class Jump:
     """States that get a new value."""
     guards: tuple[sp.Expr, ...]
     """All surfaces at the state after the jump, in time and the state before."""
+    index: int
+    """Surface whose reset this is."""
     kept: Collection[int]
     """Surfaces whose function has the same value before and after."""
+    stays: bool
+    """Whether a state on the surface stays on it: its function after the jump is zero where that before it is."""
+    lands: bool
+    """Whether each state is put on the surface."""
+
+    def side(self, index: int, before: int) -> int | None:
+        """Return the sign of a surface after the jump, given the sign before; None if the new value decides."""
+        if index in self.kept:
+            return before
+        return 0 if index == self.index and (self.lands or (self.stays and before == 0)) else None
 
 
 def resetting(system: FilippovSystem, mode: Mode, hits: Sequence[Guard]) -> tuple[int, ...]:
@@ -66,10 +78,12 @@ def jump_of(system: FilippovSystem, index: int) -> Jump:
     own = {x: value for x, value in system.resets[index].map.items() if x != value}
     guards = tuple(h.xreplace(own) for h in system.surfaces)
     kept = {i for i, h in enumerate(system.surfaces) if sp.expand(guards[i] - h) == 0}
-    if sp.expand(guards[index]) == 0:  # a map may put the state on its surface
-        kept.add(index)
+    h, after = system.surfaces[index], sp.expand(guards[index])
+    on = settled_state(h, system.states)
+    stays = index in kept or after == 0 or sp.expand(after + h) == 0 or (on and sp.expand(after.xreplace(on)) == 0)
     states = tuple(own.get(x, x) for x in system.states)
-    return Jump(states, tuple(k for k, x in enumerate(system.states) if x in own), guards, kept)
+    moved = tuple(k for k, x in enumerate(system.states) if x in own)
+    return Jump(states, moved, guards, index, kept, bool(stays), after == 0)
 
 
 def rows_at(before: Mode, after: Mode, applied: Sequence[int]) -> list[tuple[int, int | None]]:
@@ -109,7 +123,7 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
     A body can rest on the surface if the jump is an impact of a body: the state changes in proportion to h'.
     """
     jump, surface = jump_of(system, index), system.surfaces[index]
-    if index not in jump.kept:
+    if not jump.stays:
         return None
     field = tuple(put(f, {system.signs[index]: sp.Integer(1)}) for f in system.field)
     speed = along(surface, system.states, field)

@@ -60,7 +60,27 @@ def initial_signs(problem: Problem) -> tuple[list[int], list[int]]:
 
 def initial_mode(at: Point, problem: Problem) -> Decision:
     """Decide the mode at a problem's start, which is the point ``at``."""
-    return mode_by_signs(at, *initial_signs(problem), problem.initial_mode)
+    return mode_at_start(at, *initial_signs(problem), problem.initial_mode)[0]
+
+
+def mode_at_start(
+    at: Point, surfaces: Sequence[int], valid: Sequence[int], given: Mapping[int, int]
+) -> tuple[Decision, frozenset[int]]:
+    """Decide the mode at a start as :func:`mode_by_signs`, and return the stops that the state leaves with a speed.
+
+    A speed at a start is compared with its own terms only: an acceleration is no measure of it, since their ratio
+    depends on the unit of time. (Where the mode is given, the speed may be an error of the run that ended there.)
+    """
+    left = set()
+    for i, sign in enumerate(surfaces):
+        impact = impact_of(at.system, i) if sign == 0 and i not in given and at.system.rests(i) else None
+        if impact is None:
+            continue
+        side = clear_sign(impact.speed, tuple(surfaces), at.values, at.arithmetic.negative)
+        if side < 0:
+            return Decision("invalid", None, into_surface(at.system.sign_names[i], at.when)), frozenset()
+        left |= {i} if side > 0 else set()
+    return mode_by_signs(at, surfaces, valid, {**given, **dict.fromkeys(left, 1)}), frozenset(left)
 
 
 def mode_by_signs(

@@ -16,7 +16,14 @@ from henon_ref.modes.problem import Problem
 from henon_ref.precision import one_at_a_time
 from henon_ref.simulation.system import System
 from henon_ref.system.problem import build_problem
-from henon_ref.system.python_arguments import argument_error, mapping_of, tree_of, written, written_name
+from henon_ref.system.python_arguments import (
+    argument_error,
+    mapping_of,
+    tree_of,
+    without_dimensions,
+    written,
+    written_name,
+)
 from henon_ref.system.tree import MappingNode, Node, mapping
 from henon_ref.text import listed, shortened
 
@@ -99,6 +106,7 @@ def _mapping(value: object, what: str, kind: str, known: tuple[str, ...], entry:
 
 def tolerance_of(value: Any) -> float:
     """Return a relative tolerance as a double; ArgumentError unless it is a number from 1e-16 to below 1."""
+    value = without_dimensions(value)
     if isinstance(value, str):
         raise ArgumentError(f"rtol is text, {shortened(value)}; wanted a number without quotes, as in rtol=1e-9")
     is_number = isinstance(value, Real) and not isinstance(value, bool)
@@ -109,6 +117,7 @@ def tolerance_of(value: Any) -> float:
 
 def whole_number(value: Any, what: str, least: int = 1, most: int | None = None) -> int:
     """Return a whole number within bounds; ArgumentError for anything else."""
+    value = without_dimensions(value)
     whole = isinstance(value, Integral) and not isinstance(value, bool)
     if not (whole and least <= value and (most is None or value <= most)):
         bounds = f"of at least {least}" if most is None else f"from {least} to {most}"
@@ -137,7 +146,8 @@ def numbers(given: Any, what: str) -> NDArray[np.float64]:
         raise ArgumentError(f"{what} is {str(given)[:60]!r}; wanted a list or array of numbers")
     try:
         array = np.asarray(given if hasattr(given, "__len__") else list(given))
-        if array.dtype.kind in "bcmM" or np.ma.is_masked(given):  # NumPy would make numbers of these
+        texts = array.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in array.ravel())
+        if array.dtype.kind in "bcmMUS" or texts or np.ma.is_masked(given):  # NumPy would make numbers of these
             raise TypeError
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):

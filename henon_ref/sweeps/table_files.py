@@ -106,15 +106,19 @@ def _doubles(column: pa.Array) -> Vector:
     try:
         return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
     except pa.ArrowInvalid:  # Python accepts more formats, such as +1.5
-        return np.array(column.to_pylist(), dtype=np.float64)
+        words = column.to_pylist()
+        if not all(map(_is_number, words)):
+            raise ValueError from None
+        return np.array(words, dtype=np.float64)
 
 
 def _is_number(word: str) -> bool:
+    """Check whether text is a number, without the underscores and digits of other scripts that Python allows."""
     try:
-        np.array([word], dtype=np.float64)
+        float(word)
     except ValueError:
         return False
-    return True
+    return word.isascii() and "_" not in word
 
 
 def _check_names(path: Path, names: list[str]) -> None:

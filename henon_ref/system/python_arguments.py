@@ -59,12 +59,19 @@ def written_name(value: object, what: str) -> str:
     raise ArgumentError(f"{what}: {_shown(value)} is no name; wanted text, as in 'x'")
 
 
+def without_dimensions(value: Any) -> Any:
+    """Return the entry of an array without dimensions, such as ``np.array(0.2)``; any other value unchanged."""
+    return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
+
+
 def written(value: object, what: str) -> str:
     """Return a number or an expression as the text of a case file.
 
-    ``value`` is an int, float, Fraction, Decimal, text or SymPy expression; a float stands for the decimal number that
-    Python prints (0.1 is 1/10). ArgumentError if it is of another type, not finite, or too long.
+    ``value`` is an int, float, Fraction, Decimal, text or SymPy expression, or one as an array without dimensions; a
+    float stands for the decimal number that Python prints (0.1 is 1/10). ArgumentError if it is of another type, not
+    finite, or too long.
     """
+    value = without_dimensions(value)
     if isinstance(value, str):
         return str(value)
     if isinstance(value, sp.Expr):

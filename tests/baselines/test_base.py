@@ -160,7 +160,7 @@ def test_what_is_no_stop_and_no_index_is_refused() -> None:
 
     with pytest.raises(ContractError, match=r"integrate must return the result of self\.stopped or self\.f"):
         ModeSolver("forgets", Forgets, landing="none", distribution="numpy").prepare(STICKS_AT_2, rtol=1e-3)()
-    for fallen in (np.array([True, False]), [-1], [2]):
+    for fallen in (np.array([True, False]), [-1], [2], []):
         with pytest.raises(ContractError, match="indices of guards, 0 to 1"):
             mode_of(STICKS_AT_2, (1,)).stopped(2.0, np.array([0.0]), fallen)
     with pytest.raises(ContractError, match="'t' must be a time, not nan"):

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import henon_ref as hr
+from henon_ref.commands import status_line
 from henon_ref.commands.simulate import command
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -54,6 +55,14 @@ def test_parameters_starts_and_the_horizon_are_set_and_files_are_written(
     run = hr.simulate(case, {"x1": 1.25, "x2": 0.5}, until=12.5, parameters={"vp": 0.5})
     assert files[0].read_text() == run.transitions.to_csv(index=False)
     assert "<svg" in files[1].read_text()
+
+
+def test_a_terminal_shows_the_horizon_while_the_run_lasts(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[str] = []
+    monkeypatch.setattr(status_line, "show", shown.append)
+    assert command([str(CASES / "stribeck_belt.yaml"), "--until", "12.5", "--csv", "-"]) == 0
+    assert command([str(CASES / "stribeck_belt.yaml"), "--csv", "-"]) == 0
+    assert shown == [f"simulating to t = {end} s; Ctrl-C interrupts" for end in ("12.5", "62")]
 
 
 def test_the_case_file_is_not_overwritten(

@@ -6,6 +6,7 @@ Several events at one instant are as SBML (Level 3, Sec. 4.11) and the Modelica 
 from __future__ import annotations
 
 from functools import lru_cache
+from math import acosh, sqrt
 
 import numpy as np
 import pytest
@@ -112,6 +113,56 @@ def test_maps_without_end_are_named() -> None:
         assert (found.status, len(found.transitions)) == ("failed", 0)
         assert "more than 1000 maps at one instant, t = " in found.reason
         assert found.reason.endswith("resets of first, second")
+
+
+ROCKING = """\
+system:
+  state: [x, w, q]
+  parameters: {p: 2, a: 1/5, e: 9/10}
+  surfaces: {s: "x*q"}
+  field: ["w", "p^2*(x - a*q)", "0"]
+resets:
+  s: {map: {w: "e*w", q: "-q"}}
+initial: {x: 1/10, w: 0, q: 1}
+until: 6
+"""
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_a_map_that_turns_the_sign_of_its_surface_leaves_the_state_on_it(name: str) -> None:
+    # A rocking block (Housner 1963, linear), angle a (1 - phi) at its turns: phi' = 1 - sqrt(1 - e^2 phi (2 - phi)).
+    phi, time, times = 0.5, acosh(2) / 2, [acosh(2) / 2]
+    for _ in range(8):
+        phi = 1 - sqrt(1 - 0.81 * phi * (2 - phi))
+        time += acosh(1 / (1 - phi))
+        times.append(time)
+    found = run(read_problem(ROCKING), name)
+    assert (found.status, told(found)) == ("ok", [("reset", 0)] * 9)
+    assert {t.to_mode for t in found.transitions} == {(1,)}
+    assert [t.time for t in found.transitions] == pytest.approx(times, abs=1e-6)
+
+
+def test_both_routes_to_the_truth_have_the_rocking_block() -> None:
+    for route in (multiprecision(read_problem(ROCKING)), prove(read_problem(ROCKING))):
+        assert (route.status, route.undecided, told(route)) == ("ok", "", [("reset", 0)] * 9)
+
+
+def test_a_reset_that_another_one_causes_may_put_the_state_on_its_surface() -> None:
+    # From a = 1/2 upwards with a' = 1/2: second falls to -1 by the map of first, and to 0 by its own.
+    problem = read_problem("""\
+system:
+  state: [x, a]
+  surfaces: {first: "1 - x", second: a}
+  field: ["1", "1/2"]
+resets:
+  first: {map: {x: '0', a: '-1'}}
+  second: {map: {a: '0'}}
+initial: {x: 0, a: 1/2}
+until: 3/2
+""")
+    for found in (*(run(problem, name) for name in SOLVERS), multiprecision(problem), prove(problem)):
+        assert (found.status, told(found)) == ("ok", [("reset", 0), ("reset", 1)])
+        assert {t.to_mode for t in found.transitions} == {(1, 1)}
 
 
 TWO = """\

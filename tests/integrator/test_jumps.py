@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import acosh, asinh, pi, sqrt
 
 import pytest
 import sympy as sp
@@ -222,6 +222,44 @@ def test_a_run_does_not_pass_a_surface_to_which_its_maps_have_come(part: str) ->
         True,
     )
     assert run.t[-1] == pytest.approx(1 + {"d/2": 2, "d*0.9": 10}[part], abs=1e-10)
+
+
+@pytest.mark.parametrize("unit", [1, 1e-13, 1e-20, 1e14])
+def test_a_ball_that_leaves_the_floor_bounces_in_any_unit_of_time(unit: float) -> None:
+    # Thrown with 1 under 10 it flies 0.2, 0.16, ...: it rests at 1. Its speed was held against its acceleration.
+    floor = hr.System(["x", "v"], {"g": 10 / unit**2}, {"s": "x"}, ["v", "-g"], resets={"s": {"map": {"v": "-4/5*v"}}})
+    found = hr.simulate(floor, {"x": 0, "v": 1 / unit}, until=12 * unit).transitions
+    assert (found["time_s"].iloc[[0, 1, -1]] / unit).tolist() == pytest.approx([0.2, 0.36, 1], rel=1e-9)
+    assert found["kind"].tolist() == ["reset"] * 70 + ["stick"]
+
+
+@pytest.mark.parametrize("unit", [1, 1e-13, 1e-20])
+def test_a_block_rocks_until_its_impacts_accumulate(unit: float) -> None:
+    # Housner (1963), linear: angle 1 - phi at its turns, phi' = 1 - sqrt(1 - e^2 phi (2 - phi)), a swing lasts
+    # 2 acosh(1/(1 - phi)). Below 1e-13 its speed counted as zero, and the block fell over with status ok.
+    phi, end = 0.5, acosh(2)
+    while (phi := phi * 0.49 * (2 - phi) / (1 + sqrt(1 - 0.49 * phi * (2 - phi)))) > 1e-40:
+        end += 2 * asinh(sqrt(phi * (2 - phi)) / (1 - phi))
+    lose = {"map": {"w": "7/10*w"}}
+    surfaces, resets = {"s": "x", "r": "-x"}, {"s": lose, "r": lose}
+    block = hr.System(["x", "w"], {"p": 1 / unit**2}, surfaces, ["w", "p*(x - s)"], resets=resets)
+    run = hr.simulate(block, {"x": 0.5, "w": 0}, until=12 * unit)
+    assert (run.status, "transitions accumulate" in run.message) == ("failed", True)
+    assert run.t[-1] / unit == pytest.approx(end, rel=1e-10)
+    # Each impact on one surface is the crossing of the other, and the impacts are in turn.
+    kinds = run.transitions[["kind", "surface"]].to_numpy().tolist()
+    assert kinds[:4] == [["reset", "s"], ["crossing", "r"], ["crossing", "s"], ["reset", "r"]]
+    assert kinds == (kinds[:4] * len(kinds))[: len(kinds)]
+
+
+@pytest.mark.parametrize("speed", [1e-13, 1e-20])
+def test_the_least_speed_on_the_floor_is_no_rest(speed: float) -> None:
+    floor = hr.System(["x", "v"], {}, {"s": "x"}, ["v", "-10"], resets={"s": {"map": {"v": "-4/5*v"}}})
+    run = hr.simulate(floor, {"x": 0, "v": speed}, until=12)
+    assert (run.transitions["kind"].tolist(), run.y[1, -1]) == (["reset", "stick"], 0.0)
+    assert abs(run.y[0, -1]) < speed**2
+    down = hr.simulate(floor, {"x": 0, "v": -speed}, until=12)
+    assert (down.status, down.message) == ("invalid", "at t = 0 the state is on s, which resets it, and moves into it")
 
 
 def test_a_map_may_put_the_state_on_its_surface() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -233,10 +234,33 @@ def test_an_integrator_of_a_system_with_values_refuses_others() -> None:
         Integrator(problem.system, 8).begin((1.0,), [1.0, 0.0], until=1.0, tolerance=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-13, 1e-20])
+def test_a_start_on_surfaces_is_the_same_in_any_unit_of_time(unit: float) -> None:
+    # Drives grow until their contacts let go. In a unit of 1e-13 s their growth seemed larger than the friction: both
+    # slid backwards from the start, with status ok.
+    for field, times in ((["t/T - s", "t/(2*T) - u"], [1, 2]), (["t/T - 2*s", "3*s - 2*u"], [4 / 3, 2])):
+        system = hr.System(["x", "y"], {"T": unit}, {"s": "x", "u": "y"}, [f"({rate})/T" for rate in field])
+        run = hr.simulate(system, {"x": 0, "y": 0}, until=3 * unit)
+        assert (run.status, run.mode(0.0), run.final_mode) == ("ok", {"s": 0, "u": 0}, "s=+1 u=+1")
+        assert run.transitions["kind"].tolist() == ["release", "release"]
+        assert (run.transitions["time_s"] / unit).tolist() == pytest.approx(times, rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e12, 1e20])
+def test_a_block_at_the_end_of_its_stick_slides_at_once_in_any_unit_of_time(unit: float) -> None:
+    # The spring's force is the friction and grows: in units of 1e12 s it seemed to stay, and a release was listed.
+    own = {"k": 1 / unit**2, "F": 1 / unit**2, "vb": 0.5 / unit}
+    belt = hr.System(["x", "v"], own, {"s": "v - vb"}, ["v", "-k*x - F*s"])
+    run = hr.simulate(belt, {"x": 1, "v": 0.5 / unit}, until=5 * unit)
+    assert (run.mode(0.0), run.transitions["kind"].tolist()) == ({"s": -1}, [])
+    time = 5.0  # x = 1 + (x0 - 1) cos t + v0 sin t around 1
+    assert run.y[:, -1] == pytest.approx([1 + 0.5 * math.sin(time), 0.5 * math.cos(time) / unit], rel=1e-8)
+
+
 def test_a_start_on_surfaces_is_decided_once(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = hr.System(["x", "y"], {"a": 1, "b": 2}, {"s": "x", "u": "y"}, ["a*t - s", "b*t - u"])
-    real, decided = precise_modes.mode_by_signs, list[object]()
-    monkeypatch.setattr(precise_modes, "mode_by_signs", lambda at, *given: decided.append(given) or real(at, *given))
+    real, decided = precise_modes.mode_at_start, list[object]()
+    monkeypatch.setattr(precise_modes, "mode_at_start", lambda at, *given: decided.append(given) or real(at, *given))
     hr.simulate(pair, {"x": 1, "y": 1}, until=0.1)  # the first run of a system prepares the starts of later ones
     starts: list[dict[str, Any]] = [
         {"start": 0},

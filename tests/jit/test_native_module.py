@@ -8,6 +8,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 import pytest
 
+from henon_ref.errors import ArgumentError
 from henon_ref.jit import native_module as machine
 from henon_ref.jit.native_module import NativeModule
 
@@ -65,6 +66,13 @@ def test_code_of_another_machine_is_not_used(folder: Path, monkeypatch: pytest.M
     refuse(monkeypatch)
     with pytest.raises(AssertionError, match="compiled again"):
         answer()
+
+
+@pytest.mark.parametrize("name", ["no-such-processor", "i386"])
+def test_a_processor_that_llvm_does_not_have_is_one_error(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HENON_REF_CPU", name)  # LLVM would abort the process
+    with pytest.raises(ArgumentError, match=f"the variable HENON_REF_CPU is '{name}'; wanted LLVM's name"):
+        NativeModule(IR)
 
 
 def test_a_folder_that_takes_nothing_is_no_error(folder: Path) -> None:

@@ -68,6 +68,16 @@ def test_numbers_may_be_text_in_parameters() -> None:
     assert run.transitions.time_s.tolist() == [2.25]
 
 
+def test_an_array_without_dimensions_is_its_number() -> None:
+    one = hr.simulate(OSCILLATOR, {"x": 1, "v": 0}, start=1, until=3.5, rtol=1e-9, max_steps=100)
+    start, until, rtol, most = np.array(1), np.array(3.5), np.array(1e-9), np.array(100)
+    initial = {"x": np.array(1), "v": np.array(0.0)}
+    other = hr.simulate(OSCILLATOR, initial, start=start, until=until, rtol=rtol, max_steps=most)
+    assert np.array_equal(one.y, other.y)
+    with pytest.raises(hr.ArgumentError, match=r"'until' is array\(\[3\.5\]\); wanted a number"):
+        hr.simulate(OSCILLATOR, initial, until=np.array([3.5]))
+
+
 def test_parameters_of_a_run_do_not_stay() -> None:
     before = hr.simulate(BLOCK, {"x": 0, "v": 1}, until=3)
     hr.simulate(BLOCK, {"x": 0, "v": 1}, until=3, parameters={"F": 7})

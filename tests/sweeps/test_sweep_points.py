@@ -226,11 +226,24 @@ def test_a_csv_file_that_is_no_table_is_refused(tmp_path: Path, content: str) ->
 
 
 @pytest.mark.parametrize(
+    "given", [["1_0"], ["0.5", "1"], [0.5, "1"], np.array(["2"], dtype=object), pd.Series(["0.5"]), [b"1"]]
+)
+def test_text_is_no_number(given: object) -> None:
+    # float("1_0") is 10; in a case file as in Python, a grid is a list of numbers.
+    for read in (grid, table):
+        with pytest.raises(ArgumentError, match="wanted a list or array of numbers"):
+            read({"F": given})
+    with pytest.raises(ArgumentError, match="wanted a list or array of numbers"):
+        grid({"F": {"from": "1_0", "to": 20, "count": 2}})
+
+
+@pytest.mark.parametrize(
     ("content", "words"),
     [
         ("a,b\n1,2\n3,x\n", "the column 'b' has 'x' in row 2; wanted numbers"),
         ("a,b\n1,\n", "the column 'b' has '' in row 1"),
         ("a;b\n1;2\n", "the column 'a;b' has '1;2' in row 1"),
+        ("a\n+1\n1_0\n", "the column 'a' has '1_0' in row 2"),
     ],
 )
 def test_what_is_no_number_in_a_csv_file_has_its_place(tmp_path: Path, content: str, words: str) -> None:
