@@ -47,7 +47,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.contact_loops import closed
+from henon_ref.modes.contact_loops import closed, is_possible
 from henon_ref.modes.contact_problem import (
     Accelerations,
     ContactProblem,
@@ -58,7 +58,7 @@ from henon_ref.modes.contact_problem import (
     problem_of,
     solved,
 )
-from henon_ref.modes.decision import Decision, several, with_entries
+from henon_ref.modes.decision import Decision, kept_entries, several, with_entries
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
@@ -130,16 +130,17 @@ def decide_groups(
     for choice in product(*((-1, 1) for _ in loose)):
         group = _Group(system, with_entries(mode, loose, choice), [i for i in left if i not in loose], active, numbers)
         settled = group.settled(frozenset(slipped))
-        if settled is not None:
+        if settled is not None and (not group.stays or is_possible(system, settled, tuple(active))):
             found[settled] = group.stays
-    leaving = [each for each, stays in found.items() if not stays]
-    options = leaving or list(found)
-    if not options:
+    if not found:
         return Decision("none", None, f"no mode is consistent at t = {numbers.time}")
-    if len(options) == 1 or (not leaving and all(numbers.same_motion(options[0], other) for other in options[1:])):
-        own = sorted(frozenset().union(*found.values()) if not leaving else ())
-        return Decision("unique", with_entries(options[0], own, [mode[i] or 1 for i in own]))
-    return several(system, options, numbers.time)
+    leaving = [each for each, stays in found.items() if not stays]
+    first = leaving[0] if leaving else next(iter(found))
+    others = [each for each in found if each != first and not numbers.same_motion(each, first)]
+    if not others:
+        stay = frozenset().union(*found.values()) if not leaving else ()
+        return Decision("unique", kept_entries(mode, list(found), sorted(stay)) if stay else first)
+    return several(system, sorted((first, *others)), numbers.time)
 
 
 def _with_sections(
