@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
+from flint import arb
 from numpy.typing import NDArray
 from sympy.utilities.iterables import connected_components
 
@@ -82,15 +83,17 @@ def solved(problem: ContactProblem) -> Accelerations:
     ModelError if pivoting does not terminate: the forces are not those of friction.
     """
     count = len(problem.free)
-    free = np.array([float(v) for v in problem.free])
-    given = np.array([[float(v) for v in row] for row in problem.matrix]).reshape(count, count)
+    free = np.array([_double(v) for v in problem.free])
+    given = np.array([[_double(v) for v in row] for row in problem.matrix]).reshape(count, count)
     scale = np.diag(given)
     # Forces are in units of the acceleration that they cause; a compliance determines the loads in a loop of contacts.
     matrix = given / scale + 1e-9 * np.eye(count)
     lower, upper = (
-        scale * np.array([way * np.inf if v is None else float(v) for v in bounds])
+        scale * np.array([way * np.inf if v is None else _double(v) for v in bounds])
         for way, bounds in ((-1, problem.lower), (1, problem.upper))
     )
+    # Where the normal force is zero, rounding may have put the upper bound below the lower one: derivatives decide.
+    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)
     entries, fewest, patience = np.zeros(count, dtype=int), count + 1, MAX_BLOCK_PIVOTS
     for _ in range(100 * (count + 1)):
         held = entries == 0
@@ -116,6 +119,11 @@ def solved(problem: ContactProblem) -> Accelerations:
         turned = wrong if patience > 0 else wrong[-1:]
         entries[turned] = above[turned].astype(int) - below[turned].astype(int)
     raise ModelError("pivoting finds no forces for contacts that act on each other")
+
+
+def _double(value: Any) -> float:
+    """Return a number as a double; 0 for a ball that contains zero, as where forces vanish with the normal force."""
+    return 0.0 if isinstance(value, arb) and value.contains(0) else float(value)
 
 
 def independent_of(problem: ContactProblem, order: Sequence[int]) -> list[int]:
