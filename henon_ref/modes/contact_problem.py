@@ -92,8 +92,9 @@ def solved(problem: ContactProblem) -> Accelerations:
         scale * np.array([way * np.inf if v is None else _double(v) for v in bounds])
         for way, bounds in ((-1, problem.lower), (1, problem.upper))
     )
-    # Where the normal force is zero, rounding may have put the upper bound below the lower one: derivatives decide.
-    lower, upper = np.minimum(lower, upper), np.maximum(lower, upper)
+    # A negative normal force puts the upper bound below the lower one, perhaps by rounding only: derivatives decide.
+    crossed = lower > upper
+    lower, upper = (np.where(crossed, 0.0, bounds) for bounds in (lower, upper))
     entries, fewest, patience = np.zeros(count, dtype=int), count + 1, MAX_BLOCK_PIVOTS
     for _ in range(100 * (count + 1)):
         held = entries == 0
@@ -108,11 +109,12 @@ def solved(problem: ContactProblem) -> Accelerations:
         back = ~held & (entries * speeds < -ROUNDING * sizes)
         wrong = np.flatnonzero(above | below | back)
         if not wrong.size:
-            slips = ~held & (np.abs(speeds) > TIE * sizes)
+            slips = ~held & ~crossed & (np.abs(speeds) > TIE * sizes)
             room = np.minimum(upper - forces, forces - lower)
             inside = slips | (held & (room > TIE * (np.abs(forces) + sizes)))
             own = np.flatnonzero(held).tolist()
             clear = bool(inside.all()) and (len(own) < 2 or independent_of(problem, own) == own)
+            entries[crossed] = 0
             return Accelerations(forces / scale, tuple(entries.tolist()), tuple(slips.tolist()), clear)
         patience = MAX_BLOCK_PIVOTS if wrong.size < fewest else patience - 1
         fewest = min(fewest, wrong.size)

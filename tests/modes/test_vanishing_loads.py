@@ -102,3 +102,37 @@ def test_what_is_not_held_slips(route: str, problem: Problem, expected: list[tup
     rtol = 1e-30 if route == "multiprecision" else float(route.partition(" ")[2])
     found = [(kind, time) for kind, _, time in changes(route, problem)]
     assert found == [(kind, pytest.approx(time, abs=max(1e-9, 10 * rtol))) for kind, time in expected]
+
+
+@pytest.mark.parametrize("name", ["henon", "scipy-dop853", "multiprecision"])
+@pytest.mark.parametrize(
+    ("normal", "force", "end"),
+    [
+        pytest.param("1 - t", "0", 1.0, id="negative from an instant on"),
+        pytest.param("-5", "0", 0.0, id="negative from the start"),
+        pytest.param("-5", "1", 0.0, id="the friction exceeds the force"),
+        pytest.param("-5", "2", None, id="the force exceeds the friction"),
+    ],
+)
+def test_friction_that_pushes_its_body_along_leaves_both_sides_open(
+    name: str, normal: str, force: str, end: float | None
+) -> None:
+    """A system written without max(0, ...): x'' = force - 0.3 normal s, and s = -1 and s = +1 both lead away from 0."""
+    ends = (f"{force} - ({normal})/2", f"{force} + ({normal})/2")
+    problem = read_problem(f"""\
+system:
+  state: [v]
+  surfaces: {{s: v}}
+  field: ["{force} - 0.3*({normal})*s"]
+sliding:
+  s:
+    field: ["0"]
+    entry: inside
+    release: [{{when: "{ends[0]}", direction: rising, to: 1}}, {{when: "{ends[1]}", direction: falling, to: -1}}]
+initial: {{v: 0}}
+until: 2
+""")
+    found = multiprecision(problem) if name == "multiprecision" else solver(name).prepare(problem, rtol=1e-9)()
+    status, time = ("ok", 2.0) if end is None else ("nonunique", end)
+    last = float(found.end_digits) if name == "multiprecision" else found.end_time
+    assert (found.status, last) == (status, pytest.approx(time, abs=1e-9))
