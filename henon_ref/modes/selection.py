@@ -212,16 +212,19 @@ def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[
     slides with the same motion.
     """
     tested = [(own, broken_guards(at, own, active, zero, alone=True)) for own in _candidates(at, mode, active)]
-    found = [own for own, broken in tested if broken == []]
-    if len(found) > 1:
+    system, kept = at.system, [own for own, broken in tested if broken == []]
+    staying = [own for own, broken in tested if _staying(system, broken) and is_possible(system, own, active)]
+    if not kept:
+        return Decision("none", None, f"no mode is consistent at t = {at.when}")
+    found = kept
+    if len(kept) + len(staying) > 1:
         # If a slip leaves a surface on which the gradient vanishes ((x - 1)^3 instead of x - 1), both fields cross the
         # surface in one direction. No convex combination is tangent to it, so there is no sliding (Filippov 1988).
-        left = [i for i in active if any(own[i] for own in found)]
-        found = [own for own in found if not any(not own[i] and indeterminate(at, own, i, zero) for i in left)]
-    if not found:
-        return Decision("none", None, f"no mode is consistent at t = {at.when}")
-    system = at.system
-    staying = [own for own, broken in tested if _staying(system, broken) and is_possible(system, own, active)]
+        left = [i for i in active if any(own[i] for own in kept)]
+        found, staying = (
+            [own for own in some if not any(not own[i] and indeterminate(at, own, i, zero) for i in left)]
+            for some in (kept, staying)
+        )
     found += [own for own in staying if not any(at.same_motion(own, other) for other in found)]
     return Decision("unique", found[0]) if len(found) == 1 else several(system, sorted(found), at.when)
 

@@ -136,3 +136,11 @@ def test_two_surfaces_one_of_which_is_left() -> None:
         found = decided(make_problem("x y", ["1 + s", rate], {"s": "x", "u": "y"}, [0, 0], 1))
         assert found.status == "nonunique"
         assert found.reason.endswith(f"s=-1 u={y:+d} or s=+1 u={y:+d}" if y else "s=-1 u=0 or s=+1 u=0")
+
+
+def test_a_slide_without_a_gradient_is_no_solution_that_stays() -> None:
+    """Both speeds are 3 beyond, at least 1 before: x = y = 1 is passed. A slide on one of (x - 1)^3 and (y - 1)^3 has
+    the sign -3, with which the other one would stay."""
+    rate = "2 + (s + u)/2"
+    surfaces = {"s": "(x - 1)**3", "u": "(y - 1)**3"}
+    assert decided(make_problem("x y", [rate, rate], surfaces, [1, 1], 2)).mode == (1, 1)
