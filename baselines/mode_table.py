@@ -93,7 +93,7 @@ class ModeEntry:
         if (
             guard.ends
             or (guard.kind == "release" and model.system.rests(i))
-            or model.system.decided_together(guard, sliding)
+            or model.system.decided_together(guard, mode, sliding)
         ):
             return None
         landing = model.landing(i)

@@ -95,7 +95,7 @@ def entry_after(model: SystemModel, box: Sequence[arb], mode: Mode, hit: Guard) 
             raise UndecidedError(refused.reason, "mode")
         raise EndedError(refused.reason, hit.ends)
     on = tuple(sorted(system.closed({hit.index}, {i for i, s in enumerate(mode) if s == 0})))
-    if hit.kind == "surface" or system.decided_together(hit, on):
+    if hit.kind == "surface" or system.decided_together(hit, mode, on):
         moving = [hit.index] if hit.kind == "surface" and mode[hit.index] else []
         released_by = [hit.expression] if hit.kind == "release" else []
         judge = Judge(model, box, on, _identities(model, [i for i in on if i not in moving], moving, *released_by))

@@ -316,7 +316,7 @@ class ModeTable:
             record["kink"] = surface and not guard.ends and guard.index in self._kinks
             resets = surface and guard.index in system.resets and mode[guard.index] > 0
             record["jump"] = self._jumps.address(mode, guard.index) if resets and self._jumps else 0
-            together = system.decided_together(guard, sliding) and guard.index not in passed
+            together = system.decided_together(guard, mode, sliding) and guard.index not in passed
             coupled = kernel.COUPLED if together else kernel.UNCOUPLED
             record["coupled"] = kernel.RESETTING if resets else coupled
             if guard is ends.get(guard.index) and mode[guard.index] == 0:

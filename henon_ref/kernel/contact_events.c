@@ -12,7 +12,7 @@
 enum { END_FALLS = 1, DECIDED = 2 };
 
 /* Cross the kinks that are hit, and mark the ends of slides whose guards fall through zero after the kinks; false if a
- * guard at zero belongs to no surface, or both guards of one surface are at zero. */
+ * guard at zero belongs to no surface, or both guards of one surface are at zero (one may be so at all times). */
 static bool kinks_crossed(struct work *w, int64_t *kinks)
 {
     const struct run *run = w->run;
@@ -38,6 +38,8 @@ static bool kinks_crossed(struct work *w, int64_t *kinks)
     for (int64_t g = 0; g < w->mode->guards && ends > 0; g++) {
         const double *row = row_ahead(w, run->states + g);
         if (w->hits[g] == 1 && w->mode->guard[g].kind == RELEASE) {
+            if (row_ahead(w, run->states + (g ^ 1))[0] == 0.0)
+                return false;
             bool falls = *kinks == 0 && g == run->guard;
             if (falls || row[1] < -TANGENT * size_of_terms(row, 1, run->order, 1.0))
                 w->faint[2 * w->mode->guard[g].index + 1] = END_FALLS;

@@ -203,7 +203,8 @@ static bool sections_crossed(const struct work *w, const struct group *g)
     return true;
 }
 
-/* Decide which contacts of a group hold, and how the others slip; false if that is not clear. */
+/* Decide which contacts of a group hold, and how the others slip; false if that is not clear, as where the normal force
+ * of a contact returns from zero: the error of the time may have made it negative. */
 static bool settled(const struct work *w, struct group *g, struct accelerations *s)
 {
     if (!balance(w, g))
@@ -213,6 +214,8 @@ static bool settled(const struct work *w, struct group *g, struct accelerations 
             bool fixed = kind_of(w, g, k) & FIXED && !g->slipped[k];
             g->problem.lower[k] = fixed ? g->least[k] : g->lower[k];
             g->problem.upper[k] = fixed ? g->most[k] : g->upper[k];
+            if (!(g->problem.lower[k] < g->problem.upper[k]))
+                return false;
         }
         if (!clearly_solved(&g->problem, s))
             return false;

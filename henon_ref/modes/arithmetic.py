@@ -22,7 +22,9 @@ from henon_ref.taylor.series import BALL, FLOAT
 ZERO = 1e-13
 """Relative size below which a derivative counts as zero (doubles cannot resolve a tangency below it)."""
 ORDER = 8
-"""Number of derivatives that are computed before a contact counts as one that never separates."""
+"""Number of derivatives that are computed."""
+LAST_ORDER = 32
+"""Number of derivatives that are computed before a slip counts as one that stays on its surface."""
 
 Leading = tuple[int, int]
 """(index, sign) of the first non-zero coefficient of a Taylor series."""
@@ -140,6 +142,12 @@ class Point(Protocol):
         """First non-zero coefficient of a guard, from derivative ``first`` on; None if the guard stays zero.
 
         ``beside``: the surface whose normal velocities are the scale of comparison.
+        """
+
+    def late(self, mode: Mode, place: int, zero: float, index: int) -> Leading | None:
+        """Like :meth:`leading` from the first derivative on, for surface ``index`` in slip, up to :data:`LAST_ORDER`.
+
+        The scale is that of the mode's own side: the field on the other side may be much larger.
         """
 
     def end_of_hold(self, mode: Mode, place: int, zero: float) -> Leading | None:

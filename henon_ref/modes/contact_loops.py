@@ -35,6 +35,7 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import expanded, simplified
 from henon_ref.expressions.bounds import put
 from henon_ref.modes.equations import Guard
+from henon_ref.modes.mode import Mode
 from henon_ref.modes.switched_field import AGREE, SwitchedField
 from henon_ref.text import listed
 
@@ -122,6 +123,16 @@ def circuits(loop: Sequence[Relation]) -> Iterator[dict[int, int]]:
     normals = DomainMatrix.from_list_sympy(len(loop), len(surfaces), matrix).convert_to(sp.QQ).nullspace().to_Matrix()
     rows = (dict(zip(surfaces, normals.row(k), strict=True)) for k in range(normals.rows))
     yield from cuts([{i: factor for i, factor in row.items() if factor != 0} for row in rows])
+
+
+def is_possible(system: SwitchedField, mode: Mode, surfaces: tuple[int, ...]) -> bool:
+    """Check whether no relation among surfaces excludes their signs in a mode: states near the point have them."""
+    for loop in loops(relations(system, surfaces)):
+        for circuit in circuits(loop):
+            sides = {factor * mode[i] > 0 for i, factor in circuit.items() if mode[i]}
+            if len(sides) == 1:
+                return False
+    return True
 
 
 def guard_count(system: SwitchedField, surfaces: Collection[int]) -> int:

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sympy as sp
+from flint import arb
 from numpy.typing import NDArray
 from sympy.utilities.iterables import connected_components
 
@@ -82,15 +83,18 @@ def solved(problem: ContactProblem) -> Accelerations:
     ModelError if pivoting does not terminate: the forces are not those of friction.
     """
     count = len(problem.free)
-    free = np.array([float(v) for v in problem.free])
-    given = np.array([[float(v) for v in row] for row in problem.matrix]).reshape(count, count)
+    free = np.array([_double(v) for v in problem.free])
+    given = np.array([[_double(v) for v in row] for row in problem.matrix]).reshape(count, count)
     scale = np.diag(given)
     # Forces are in units of the acceleration that they cause; a compliance determines the loads in a loop of contacts.
     matrix = given / scale + 1e-9 * np.eye(count)
     lower, upper = (
-        scale * np.array([way * np.inf if v is None else float(v) for v in bounds])
+        scale * np.array([way * np.inf if v is None else _double(v) for v in bounds])
         for way, bounds in ((-1, problem.lower), (1, problem.upper))
     )
+    # A negative normal force puts the upper bound below the lower one, perhaps by rounding only: derivatives decide.
+    crossed = lower > upper
+    lower, upper = (np.where(crossed, 0.0, bounds) for bounds in (lower, upper))
     entries, fewest, patience = np.zeros(count, dtype=int), count + 1, MAX_BLOCK_PIVOTS
     for _ in range(100 * (count + 1)):
         held = entries == 0
@@ -105,17 +109,23 @@ def solved(problem: ContactProblem) -> Accelerations:
         back = ~held & (entries * speeds < -ROUNDING * sizes)
         wrong = np.flatnonzero(above | below | back)
         if not wrong.size:
-            slips = ~held & (np.abs(speeds) > TIE * sizes)
+            slips = ~held & ~crossed & (np.abs(speeds) > TIE * sizes)
             room = np.minimum(upper - forces, forces - lower)
             inside = slips | (held & (room > TIE * (np.abs(forces) + sizes)))
             own = np.flatnonzero(held).tolist()
             clear = bool(inside.all()) and (len(own) < 2 or independent_of(problem, own) == own)
+            entries[crossed] = 0
             return Accelerations(forces / scale, tuple(entries.tolist()), tuple(slips.tolist()), clear)
         patience = MAX_BLOCK_PIVOTS if wrong.size < fewest else patience - 1
         fewest = min(fewest, wrong.size)
         turned = wrong if patience > 0 else wrong[-1:]
         entries[turned] = above[turned].astype(int) - below[turned].astype(int)
     raise ModelError("pivoting finds no forces for contacts that act on each other")
+
+
+def _double(value: Any) -> float:
+    """Return a number as a double; 0 for a ball that contains zero, as where forces vanish with the normal force."""
+    return 0.0 if isinstance(value, arb) and value.contains(0) else float(value)
 
 
 def independent_of(problem: ContactProblem, order: Sequence[int]) -> list[int]:

@@ -93,3 +93,12 @@ def with_entries(mode: Mode, active: Sequence[int], choice: Sequence[int]) -> Mo
     for index, value in zip(active, choice, strict=True):
         mode = replaced(mode, index, value)
     return mode
+
+
+def kept_entries(mode: Mode, found: Sequence[Mode], surfaces: Sequence[int]) -> Mode:
+    """Return, of several modes with the same motion, the one in which surfaces keep their entries of ``mode``.
+
+    An entry 0 becomes +1. The first mode if this one is not among them: the field leads away from a surface there.
+    """
+    kept = with_entries(found[0], surfaces, [mode[i] or 1 for i in surfaces])
+    return kept if kept in found else found[0]

@@ -47,7 +47,7 @@ import sympy as sp
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.contact_loops import closed
+from henon_ref.modes.contact_loops import closed, is_possible
 from henon_ref.modes.contact_problem import (
     Accelerations,
     ContactProblem,
@@ -58,7 +58,7 @@ from henon_ref.modes.contact_problem import (
     problem_of,
     solved,
 )
-from henon_ref.modes.decision import Decision, several, with_entries
+from henon_ref.modes.decision import Decision, kept_entries, several, with_entries
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.system import FilippovSystem
@@ -127,19 +127,41 @@ def decide_groups(
             f"more than {MOST_LOOSE} surfaces are reached with zero speed and undecided at t = {numbers.time}: {names}"
         )
     found: dict[Mode, frozenset[int]] = {}
+    contacts = [i for i in left if i not in loose]
     for choice in product(*((-1, 1) for _ in loose)):
-        group = _Group(system, with_entries(mode, loose, choice), [i for i in left if i not in loose], active, numbers)
-        settled = group.settled(frozenset(slipped))
-        if settled is not None:
-            found[settled] = group.stays
-    leaving = [each for each, stays in found.items() if not stays]
-    options = leaving or list(found)
-    if not options:
+        own = _kept_modes(system, with_entries(mode, loose, choice), contacts, active, slipped, numbers)
+        found |= {each: stays for each, stays in own.items() if not stays or is_possible(system, each, tuple(active))}
+    if not found:
         return Decision("none", None, f"no mode is consistent at t = {numbers.time}")
-    if len(options) == 1 or (not leaving and all(numbers.same_motion(options[0], other) for other in options[1:])):
-        own = sorted(frozenset().union(*found.values()) if not leaving else ())
-        return Decision("unique", with_entries(options[0], own, [mode[i] or 1 for i in own]))
-    return several(system, options, numbers.time)
+    leaving = [each for each, stays in found.items() if not stays]
+    first = leaving[0] if leaving else next(iter(found))
+    others = [each for each in found if each != first and not numbers.same_motion(each, first)]
+    if not others:
+        stay = frozenset().union(*found.values()) if not leaving else ()
+        return Decision("unique", kept_entries(mode, list(found), sorted(stay)) if stay else first)
+    return several(system, sorted((first, *others)), numbers.time)
+
+
+def _kept_modes(
+    system: FilippovSystem,
+    mode: Mode,
+    contacts: Sequence[int],
+    active: Sequence[int],
+    slipped: Collection[int],
+    numbers: Numbers,
+) -> dict[Mode, frozenset[int]]:
+    """Return the modes of contacts that are kept by their own fields, each with the surfaces on which it stays.
+
+    There is at most one, unless a contact begins to push its bodies apart: it may slip to both sides.
+    """
+    group = _Group(system, mode, contacts, active, numbers)
+    settled = group.settled(frozenset(slipped))
+    if group.pushing is None:
+        return {} if settled is None else {settled: group.stays}
+    others, found = [i for i in contacts if i != group.pushing], dict[Mode, frozenset[int]]()
+    for side in (-1, 1):
+        found |= _kept_modes(system, replaced(mode, group.pushing, side), others, active, slipped, numbers)
+    return found
 
 
 def _with_sections(
@@ -211,6 +233,8 @@ class _Group:
         """Contact -> direction of its slip, for contacts that cannot hold because their drives separate."""
         self.stays: frozenset[int] = frozenset()
         """Surfaces, not contacts, on which the mode found stays."""
+        self.pushing: int | None = None
+        """Contact whose hold zone vanishes: its force is about to act along its velocity (a negative normal force)."""
 
     @cached_property
     def _problem(self) -> ContactProblem | None:
@@ -267,6 +291,10 @@ class _Group:
             if not own:
                 return None
             first = [guard for guard, order in own if order == min(order for _, order in own)]
+            ends = [guard.index for guard in first if guard.kind == "release"]
+            if len(own) == len(broken) and len(ends) == len(first) == 2 and ends[0] == ends[1]:
+                self.pushing = ends[0]
+                return None
             over = {i for g in first if g.kind == "release" for i, _ in _released(g)} & self.static - slipped
             if over:
                 return self.settled(slipped | over)

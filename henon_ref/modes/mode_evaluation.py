@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import DOUBLES, ORDER, Arithmetic, Leading, time_unit
+from henon_ref.modes.arithmetic import DOUBLES, LAST_ORDER, ORDER, Arithmetic, Leading, time_unit
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
@@ -72,6 +72,12 @@ def acting_on(system: FilippovSystem, index: int) -> tuple[int, ...]:
     """Return the surfaces whose signs are in a surface's normal velocity."""
     written = system.normal_velocity(index).free_symbols
     return tuple(i for i, sign in enumerate(system.signs) if sign in written)
+
+
+@lru_cache(maxsize=1024)
+def terms_of(system: FilippovSystem, index: int) -> tuple[sp.Expr, ...]:
+    """Return the terms of dh/dt of a surface, as written."""
+    return sp.Add.make_args(system.normal_velocity(index))
 
 
 class ModeEvaluation:
@@ -201,15 +207,21 @@ class TapePoint:
         return guards
 
     @cached_method
-    def series(self, mode: Mode) -> tuple[list[list[Any]], float]:
+    def series(self, mode: Mode, order: int = ORDER) -> tuple[list[list[Any]], float]:
         """Return the Taylor coefficients of a mode's guards, and a rate that makes them comparable."""
-        states, outputs = self._expanded(mode, ORDER)
+        states, outputs = self._expanded(mode, order)
         return outputs, self.arithmetic.rate(states, outputs, self._unit)
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
         outputs, rate = self.series(mode)
         size = 0.0 if beside is None or self.arithmetic.carries_errors else self._size(mode, beside)
         return _term(outputs[place], self.arithmetic.leading(outputs[place], first, rate, size, zero))
+
+    def late(self, mode: Mode, place: int, zero: float, index: int) -> Leading | None:
+        outputs, rate = self.series(mode, LAST_ORDER)
+        terms = () if self.arithmetic.carries_errors else self.values(terms_of(self.system, index), mode) or ()
+        size = sum(map(abs, terms), 0.0)
+        return _term(outputs[place], self.arithmetic.leading(outputs[place], 1, rate, size, zero))
 
     def end_of_hold(self, mode: Mode, place: int, zero: float) -> Leading | None:
         (outputs, rate), guards = self.series(mode), self.guards(mode) or ()

@@ -6,8 +6,9 @@ the mode's side (first non-zero derivative of h), and on every sliding surface t
 and both fields point at the surface. A surface whose sliding override has ``entry: inside`` can be held if every
 release guard is positive just after the point (first non-zero derivative; a guard that stays at zero holds).
 
-One consistent candidate: the future is unique. Several (repelling sliding, a spontaneous switch): it is not unique, and
-the run ends with this status. See Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012)
+A slip whose field keeps the state on its surface is a solution as well. One motion: the future is unique. Several
+(repelling sliding, a spontaneous switch, a slip that may stay or leave): it is not unique, and the run ends with this
+status. See Filippov (1988), Sec. 2.10, and Dieci and Lopez, *J. Comput. Appl. Math.* 236 (2012)
 3967-3991. If static friction holds some of several active surfaces, :mod:`henon_ref.modes.held_groups` decides.
 
 The selection is written once, over points of any arithmetic (:mod:`henon_ref.modes.arithmetic`): the reference decides
@@ -27,8 +28,8 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.arithmetic import ZERO, Point
 from henon_ref.modes.callables import ARITHMETIC
-from henon_ref.modes.contact_loops import relations
-from henon_ref.modes.decision import Decision, ended, explained, several, with_entries
+from henon_ref.modes.contact_loops import is_possible, relations
+from henon_ref.modes.decision import Decision, ended, explained, kept_entries, several, with_entries
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.held_groups import (
     IDENTICALLY_ZERO,
@@ -43,6 +44,7 @@ from henon_ref.modes.held_groups import (
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, into_surface
+from henon_ref.modes.system import FilippovSystem
 from henon_ref.taylor.tape import TIME
 from henon_ref.text import listed
 
@@ -138,7 +140,7 @@ def after_event(at: Point, mode: Mode, hits: Sequence[Guard], *, touched: bool =
         return refused
     sliding = [i for i, s in enumerate(mode) if s == 0]
     alone = len(hits) == 1 and hits[0].kind == "release" and not touched
-    if alone and not system.decided_together(hits[0], sliding):
+    if alone and not system.decided_together(hits[0], mode, sliding):
         # The equivalent sign reaches +-1 continuously: the field does not jump, and no other entry changes.
         return _attracting(at, Decision("unique", replaced(mode, hits[0].index, hits[0].to_sign)))
     active = system.in_play([g.index for g in hits], sliding)
@@ -225,18 +227,36 @@ def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[
 
     All are tried, without pivoting, since the fields need not be those of friction: the first consistent mode is the
     only one only if the slopes of the normal velocities are a P-matrix (:mod:`henon_ref.modes.sliding`).
+
+    A slip that stays on its surface (x' = 1 + s at x = 0, with s = -1) is another solution, unless a consistent mode
+    slides with the same motion.
     """
-    found = [own for own in _candidates(at, mode, active) if broken_guards(at, own, active, zero, alone=True) == []]
-    if len(found) > 1:
+    tested = [(own, broken_guards(at, own, active, zero, alone=True)) for own in _candidates(at, mode, active)]
+    system, kept = at.system, [own for own, broken in tested if broken == []]
+    staying = [own for own, broken in tested if _staying(system, broken) and is_possible(system, own, active)]
+    if not kept:
+        return Decision("none", None, f"no mode is consistent at t = {at.when}")
+    found = kept
+    if len(kept) + len(staying) > 1:
         # If a slip leaves a surface on which the gradient vanishes ((x - 1)^3 instead of x - 1), both fields cross the
         # surface in one direction. No convex combination is tangent to it, so there is no sliding (Filippov 1988).
-        left = [i for i in active if any(own[i] for own in found)]
-        found = [own for own in found if not any(not own[i] and indeterminate(at, own, i, zero) for i in left)]
-    if len(found) == 1:
-        return Decision("unique", found[0])
-    if not found:
-        return Decision("none", None, f"no mode is consistent at t = {at.when}")
-    return several(at.system, found, at.when)
+        left = [i for i in active if any(own[i] for own in kept)]
+        found, staying = (
+            [own for own in some if not any(not own[i] and indeterminate(at, own, i, zero) for i in left)]
+            for some in (kept, staying)
+        )
+    found += [own for own in staying if not any(at.same_motion(own, other) for other in found)]
+    return Decision("unique", found[0]) if len(found) == 1 else several(system, sorted(found), at.when)
+
+
+def _staying(system: FilippovSystem, broken: Broken | None) -> frozenset[int]:
+    """Return the surfaces on which a candidate stays in slip, if it is not consistent for this reason alone.
+
+    A body that does not leave its stop rests, which is another candidate.
+    """
+    surfaces = frozenset(guard.index for guard, _ in broken or ())
+    alone = all(order == IDENTICALLY_ZERO for _, order in broken or ()) and not any(map(system.rests, surfaces))
+    return surfaces if alone else frozenset()
 
 
 def _candidates(at: Point, mode: Mode, active: tuple[int, ...]) -> Iterator[Mode]:
@@ -248,8 +268,9 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
     """Decide the mode if no candidate leaves some surfaces, as at rest exactly on a kink; None if this does not apply.
 
     If all slips that stay on the surfaces have the same motion, in all computed derivatives, this motion is the run's,
-    without a transition; a surface keeps its entry, or gets +1 instead of 0. If their motions differ, every convex
-    combination of the fields is also a solution (Filippov, 1988, Sec. 4), and the future is not unique.
+    without a transition if the present slip is one of them (:func:`~henon_ref.modes.decision.kept_entries`). If their
+    motions differ, every convex combination of the fields is also a solution (Filippov, 1988, Sec. 4), and the future
+    is not unique.
     """
     system, stay, found = at.system, set[int](), list[Mode]()
     for relation in relations(system, active):
@@ -260,17 +281,14 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
             reason = f"no mode is consistent at t = {at.when}: the surfaces of {names} depend on each other, and "
             return Decision("none", None, reason + "their signs do not act as action and reaction")
     for candidate in _candidates(at, mode, active):
-        broken = broken_guards(at, candidate, active, at.levels[0], alone=True) or []
-        surfaces = {guard.index for guard, _ in broken}  # a body that does not leave its stop rests: another candidate
-        if surfaces and all(order == IDENTICALLY_ZERO for _, order in broken) and not any(map(system.rests, surfaces)):
+        if surfaces := _staying(system, broken_guards(at, candidate, active, at.levels[0], alone=True)):
             stay |= surfaces
             found.append(candidate)
     if not found:
         return None
     if not all(at.same_motion(found[0], other) for other in found[1:]):
         return several(system, found, at.when)
-    own = [i for i in active if i in stay]
-    return Decision("unique", with_entries(found[0], own, [mode[i] or 1 for i in own]))
+    return Decision("unique", kept_entries(mode, found, sorted(stay)))
 
 
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
@@ -311,6 +329,8 @@ def broken_guards(at: Point, mode: Mode, active: Collection[int], zero: float, *
                 continue
             first = 1 if guard.kind == "surface" else 0
             term = at.leading(mode, place, first, zero, None if system.rests(i) else i)
+            if term is None and first and not system.rests(i):
+                term = at.late(mode, place, zero, i)
             # If h stays at zero there is no slip; an equivalent sign that stays at its limit still holds.
             if term is None:
                 broken += [(guard, IDENTICALLY_ZERO)] if first else []

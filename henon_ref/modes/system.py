@@ -267,20 +267,30 @@ class FilippovSystem(SwitchedField):
             found |= more
         return frozenset(found)
 
-    def decided_together(self, guard: Guard, sliding: Iterable[int]) -> bool:
-        """Check whether the mode after a guard depends on other sliding surfaces.
+    def decided_together(self, guard: Guard, mode: Mode, sliding: Iterable[int]) -> bool:
+        """Check whether the mode after a guard of ``mode`` depends on more than its own surface and side.
 
         No force jumps when an equivalent sign reaches -1 or +1, but a force jumps when static friction ends. A body
-        that rests on a surface may leave it with this jump.
+        that rests on a surface may leave it with this jump. If the field on the other side keeps the state on the
+        surface, the slide goes on too.
         """
         if guard.kind not in ("surface", "release"):
             return False
+        if guard.kind == "release" and self._kept_beyond(guard, mode):
+            return True
         if self._coupled[guard.index] <= {guard.index} and not self.has_loops:
             return False
         others = self.in_play([guard.index], sliding) - {guard.index}
         return bool(others) and (
             guard.kind == "surface" or self.held_inside(guard.index) or any(map(self.rests, others))
         )
+
+    def _kept_beyond(self, guard: Guard, mode: Mode) -> bool:
+        """Check whether a slide's other end is zero at all times: the field there keeps the state on the surface."""
+        contact = self.switched.contacts[guard.index] if self.switched is not None else None
+        ends = self.equations(mode).guards if self.switched is None else () if contact is None else contact.ends
+        others = (g for g in ends if g.kind == "release" and g.index == guard.index and g.to_sign != guard.to_sign)
+        return guard.index not in self.overrides and any(self.numeric(g.expression) == 0 for g in others)
 
     def in_play(self, hit: Iterable[int], sliding: Iterable[int]) -> frozenset[int]:
         """Return the surfaces whose entries are to be decided when some are hit: these, and those that act on them."""

@@ -22,7 +22,7 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.traversal import Rules, Walk, fold
 from henon_ref.harness.truth.reference import exact_ball
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import BALLS, Leading
+from henon_ref.modes.arithmetic import BALLS, LAST_ORDER, Leading
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
@@ -204,6 +204,9 @@ class Point:
     ) -> Leading | None:
         found = (leading_term(self.series(mode, order)[place], first) for order in ORDERS)
         return next((term for term in found if term is not None), None)
+
+    def late(self, mode: Mode, place: int, zero: float, index: int) -> Leading | None:
+        return leading_term(self.series(mode, LAST_ORDER)[place], 1)
 
     def end_of_hold(self, mode: Mode, place: int, zero: float) -> Leading | None:
         return self.leading(mode, place, 0)
