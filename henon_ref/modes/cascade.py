@@ -28,7 +28,7 @@ from henon_ref.modes.equations import gradient
 from henon_ref.modes.impact_limit import PERIOD, recurs, without_speeds
 from henon_ref.modes.instant import Instant, Numbers, Rate
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import Impact, impact_of, jump_of
+from henon_ref.modes.resets import Impact, impact_of, jump_of, stops
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -64,7 +64,9 @@ class Cascade:
             if isinstance(made, Decision):
                 return made
             if not (made[-1].due or self._alike(made[-1], first[-1])):
-                return self._not_unique(first, made[0])
+                count = len(made[0].applied)
+                either = [instant.applied[-1][0] for instant in (first[min(count, len(first) - 1)], made[0])]
+                return self._not_unique(either, made[0])
             known += made
             alternatives += self._alternatives(made)
         return first[-1]
@@ -105,21 +107,19 @@ class Cascade:
             found.append(made)
         self._endless = False
         one, other = found
-        return one if self._alike(one[-1], other[-1]) else self._not_unique(one, other[-1])
+        return one if self._alike(one[-1], other[-1]) else self._not_unique(sorted(one[-1].fired), other[-1])
 
     def _bodies(self, now: Instant) -> bool:
         """Return whether all surfaces that have fired or are due are impacts of bodies, with the state on them."""
-        impacts = {i: impact_of(self._system, i) for i in now.fired | now.due}
-        return all(impact and not impact.refusal and i in now.rates for i, impact in impacts.items())
+        return all(i in stops(self._system) and i in now.rates for i in now.fired | now.due)
 
     def at_rest(self, x: Sequence[Any], surfaces: Collection[int]) -> Instant:
         """Return the limit of impacts on surfaces from a state close to it."""
         return self._limit(Instant(x, self._mode, frozenset(), [abs(v) for v in x]), surfaces)
 
     def _limit(self, now: Instant, surfaces: Collection[int]) -> Instant:
-        impacts = {i: impact for i in sorted(surfaces) if (impact := impact_of(self._system, i))}
-        speeds = [self._speed(impact) for impact in impacts.values()]
-        x = without_speeds(self._system.states, self._numbers, self._t, now.state, speeds, [*impacts.values()])
+        impacts = {i: stops(self._system)[i] for i in sorted(surfaces)}
+        x = without_speeds(self._system.states, self._numbers, self._t, now.state, [*impacts.values()])
         zero = 0 * self._t
         rates = {**now.rates, **{i: Rate(zero, zero, 0) for i in impacts}}
         sides = tuple(0 if i in impacts else side for i, side in enumerate(now.sides))
@@ -148,15 +148,13 @@ class Cascade:
             for a, b, size, other_size in states
         )
 
-    def _not_unique(self, first: Sequence[Instant], other: Instant) -> Decision:
-        """Return the decision if the order matters; ``other``: the first instant of a different order."""
-        count = len(other.applied)
-        either = [first[min(count, len(first) - 1)].applied[count - 1][0], other.applied[-1][0]]
-        names = listed([self._system.sign_names[i] for i in dict.fromkeys(either)])
-        impacts = [impact_of(self._system, i) for i in either]
-        bodies = all(impact is not None and not impact.refusal for impact in impacts)
+    def _not_unique(self, surfaces: Iterable[int], now: Instant) -> Decision:
+        """Return the decision if the order of these surfaces' maps matters."""
+        own = list(dict.fromkeys(surfaces))
+        names = listed([self._system.sign_names[i] for i in own])
+        bodies = all(i in stops(self._system) for i in own)
         what = "impacts at one instant that share a body" if bodies else "resets at one instant whose order matters"
-        when = self._numbers.at(self._t, other.state).when
+        when = self._numbers.at(self._t, now.state).when
         return Decision("nonunique", None, f"the future is not unique at t = {when}: {what}: {names}")
 
     def _after(self, now: Instant, index: int) -> Instant:

@@ -5,6 +5,7 @@ Several events at one instant are as SBML (Level 3, Sec. 4.11) and the Modelica 
 
 from __future__ import annotations
 
+from decimal import Decimal
 from functools import lru_cache
 
 import numpy as np
@@ -256,6 +257,34 @@ def test_bodies_on_several_stops_come_to_rest_together() -> None:
             assert (found.status, len(found.transitions), found.transitions[-1].to_mode) == ("ok", count, (0, 0))
             assert float(found.transitions[-1].time) == pytest.approx(0.2 + 0.4 * r / (1 - r), abs=1e-13)
         assert run(problem).end_state == pytest.approx((0, 0, 0, 0), abs=1e-15)
+
+
+def test_a_light_body_that_a_heavy_one_presses_on_the_ground_comes_to_rest_with_it_while_both_are_fast() -> None:
+    # The gaps close long before the speeds have vanished. Digits of 200 impacts in arithmetic with 400 digits.
+    for heights, masses, restitution, time, count in (
+        (("1/20", "3/20"), ("1/5", "3"), ("4/5", "1/10"), "0.17470445124869776321", 16),
+        (("1/4", "7/20"), ("1", "10"), ("3/10", "1/10"), "0.26541684584350278246387853646173843479", 13),
+    ):
+        problem = stack(heights, masses, restitution)
+        truth = multiprecision(problem)
+        assert abs(float(Decimal(truth.transitions[-1].time_digits) - Decimal(time))) < 1e-20
+        for found in (*(run(problem, name) for name in SOLVERS[:3]), truth):
+            assert (found.status, len(found.transitions), found.transitions[-1].to_mode) == ("ok", count, (0, 0))
+            assert float(found.transitions[-1].time) == pytest.approx(float(time), abs=1e-13)
+        assert run(problem).end_state == pytest.approx((0, 0, 0, 0), abs=1e-15)
+
+
+def test_two_bodies_come_to_rest_and_the_third_still_bounces_on_them() -> None:
+    # The third falls at V = 4 on a body at rest of ten times its mass, and leaves it with r = 2/11 of its speed; the
+    # lower ones rest again before it returns, above the second one when they do.
+    problem, r = stack(("1/5", "3/10", "4/5"), ("10", "10", "1"), ("1/2", "1/10", "3/10")), 2 / 11
+    for found in (run(problem), run(problem, "scipy-dop853")):
+        assert (found.status, found.transitions[-1].to_mode) == ("ok", (0, 0, 0))
+        assert found.transitions[-1].time == pytest.approx(0.4 + 0.8 * r / (1 - r), abs=1e-13)
+        assert found.end_state == pytest.approx((0,) * 6, abs=1e-15)
+        gaps = [t.state[4] - t.state[2] for t in found.transitions if t.to_mode == (0, 0, 1)]
+        assert len(gaps) > 10
+        assert min(gaps) > 0
 
 
 def test_speeds_that_vanish_up_to_rounding_are_a_rest() -> None:
