@@ -25,7 +25,7 @@ from sympy.utilities.iterables import connected_components
 
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
-from henon_ref.modes.impact_limit import PERIOD, recurs, without_speeds
+from henon_ref.modes.impact_limit import PERIOD, recurring, without_speeds
 from henon_ref.modes.instant import Instant, Numbers, Rate
 from henon_ref.modes.mode import Mode
 from henon_ref.modes.resets import Impact, impact_of, jump_of, stops
@@ -80,11 +80,14 @@ class Cascade:
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             bodies = self._bodies(made[-1])
-            if bodies and not turns and (self._endless or len(made) > PERIOD or recurs(made[-1 - PERIOD :])):
+            own = recurring(made[-1 - PERIOD :]) if bodies else frozenset()
+            if bodies and not turns and (self._endless or len(made) > PERIOD or own):
                 return self._in_turn(start)
-            if bodies and (self._endless or recurs(made[-1 - PERIOD :])):
-                made.append(self._limit(made[-1], made[-1].fired))
-                break
+            if bodies and (self._endless or own):
+                limit = self._limit(made[-1], made[-1].fired if self._endless else own)
+                if not limit.due:
+                    made.append(limit)
+                    break
             if self._endless or self._count >= MAX_MAPS:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
                 when = self._numbers.at(self._t, made[-1].state).when
@@ -120,12 +123,14 @@ class Cascade:
     def _limit(self, now: Instant, surfaces: Collection[int]) -> Instant:
         impacts = {i: stops(self._system)[i] for i in sorted(surfaces)}
         x = without_speeds(self._system.states, self._numbers, self._t, now.state, [*impacts.values()])
-        zero = 0 * self._t
-        rates = {**now.rates, **{i: Rate(zero, zero, 0) for i in impacts}}
+        zero, end = 0 * self._t, replace(now, state=x)
+        rates = {i: Rate(zero, zero, 0) for i in impacts}
+        rates |= {i: self._other_map(i, stops(self._system)[i], now, end) for i in now.rates.keys() - impacts.keys()}
         sides = tuple(0 if i in impacts else side for i, side in enumerate(now.sides))
         first = dict(reversed(now.applied))
         applied = tuple((i, first[i]) for i in dict.fromkeys(i for i, _ in now.applied))
-        return Instant(x, sides, frozenset(), now.sizes, rates, applied, limit=True)
+        due = frozenset(i for i in rates if rates[i].sign < 0)
+        return Instant(x, sides, due, now.sizes, rates, applied, limit=True)
 
     def _next(self, now: Instant, turns: int = 0) -> list[int]:
         """Return the surfaces that may be next: of the lowest priority, and acting on each other."""

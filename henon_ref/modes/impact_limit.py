@@ -1,9 +1,9 @@
 """Impacts at one instant that go on without end, and their limit.
 
 Without restitution, a body that falls on one at rest on the ground is stopped in infinitely many impacts, after each of
-which it has the same part of its speed. The maps act on the rates h' of the surfaces in proportion. So if all rates
-return multiplied by one number below 1, the impacts never end, and their limit follows: the forces of these surfaces
-have made their rates zero.
+which it has the same part of its speed. The maps act on the rates h' of the surfaces in proportion. So if the rates of
+the surfaces hit return multiplied by one number below 1, the impacts never end, and their limit follows: the forces of
+these surfaces have made their rates zero. Others, which bodies have left, must not be due then.
 """
 
 from __future__ import annotations
@@ -23,23 +23,24 @@ PERIOD = 64
 """Largest number of maps after which rates are compared."""
 
 
-def recurs(made: Sequence[Instant]) -> bool:
-    """Return whether the rates after the last map are proportional to those after an earlier one, and smaller.
+def recurring(made: Sequence[Instant]) -> frozenset[int]:
+    """Return the surfaces whose maps recur without end; empty if there are none.
 
-    All surfaces that are due have been applied between.
+    Since an earlier map all their rates have become smaller by one factor. All surfaces that are due are among them.
     """
     *earlier, now = made
     for before in earlier:
         if (before.due, before.sides, before.rates.keys()) != (now.due, now.sides, now.rates.keys()):
             continue
-        if not now.due <= {i for i, _ in now.applied[len(before.applied) :]}:
+        own = frozenset(i for i, _ in now.applied[len(before.applied) :])
+        if not now.due <= own:
             continue
-        pairs = [(float(rate.now), float(now.rates[i].now)) for i, rate in before.rates.items()]
+        pairs = [(float(before.rates[i].now), float(now.rates[i].now)) for i in own]
         most, then = max(pairs, key=lambda pair: abs(pair[0]))
         off = max(abs(b * most - a * then) for a, b in pairs)
         if 0 < then / most < 1 - PROPORTIONAL and off <= PROPORTIONAL * abs(most * then):
-            return True
-    return False
+            return own
+    return frozenset()
 
 
 def moved_to_zero(

@@ -287,6 +287,18 @@ def test_two_bodies_come_to_rest_and_the_third_still_bounces_on_them() -> None:
         assert min(gaps) > 0
 
 
+def test_impacts_without_end_leave_a_body_that_has_flown_off_alone() -> None:
+    # Two lie on the ground, a heavy body on a light one: a blow of the third sets them in impacts without end.
+    problem = stack(("1/20", "1/10", "3/20"), ("1/5", "10", "1/2"), ("3/10", "1/10", "1/2"))
+    r = (10 * 0.5 - 0.5) / 10.5  # the third's speed after the blow, as a part of that before it
+    for found in (run(problem), run(problem, "scipy-dop853")):
+        assert (found.status, found.transitions[-1].to_mode) == ("ok", (0, 0, 0))
+        struck = [t for t in found.transitions if t.time == pytest.approx(0.03**0.5, abs=1e-12)]
+        assert [(t.kind, t.surface) for t in struck] == [("reset", i) for i in (2, 1, 0)] + [("stick", 0), ("stick", 1)]
+        assert struck[-1].state == pytest.approx((0, 0, 0, 0, 0, r * 3**0.5), abs=1e-9)
+        assert found.transitions[-1].time == pytest.approx(0.03**0.5 * (1 + 2 * r / (1 - r)), abs=1e-9)
+
+
 def test_speeds_that_vanish_up_to_rounding_are_a_rest() -> None:
     # 10 * 3/10 = 3: the third blow leaves both bodies without speed.
     problem = stack(("0", "1/4"), ("10", "3"), ("3/10", "0"))
