@@ -5,18 +5,22 @@ Several events at one instant are as SBML (Level 3, Sec. 4.11) and the Modelica 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from decimal import Decimal
 from functools import lru_cache
 
 import numpy as np
 import pytest
+import sympy as sp
 from derivatives import fundamental_matrix
 from multiprecision import multiprecision
 from problems import read_problem
+from random_scenes import exact_run
 
 import henon_ref as hr
 from henon_ref.errors import UnsupportedError
 from henon_ref.harness.registry import solver
+from henon_ref.harness.score.scoring import score
 from henon_ref.harness.truth.conditioning import conditioning
 from henon_ref.harness.truth.proofs import prove
 from henon_ref.harness.truth.reference import Route
@@ -326,6 +330,22 @@ def test_a_body_rests_on_one_at_rest(pulled: int, time: float, mode: tuple[int, 
     # One body falls freely after the force on it has passed its weight: x = 5 (t - t0)^3, or half of it for both.
     way = 5 * (1 - time) ** 3
     assert run(problem).end_state[2] == pytest.approx(way if pulled else way / 2, abs=1e-12)
+
+
+def test_chaotic_impacts_are_ill_conditioned_and_no_defect_of_a_run() -> None:
+    # An error in the state grows by ten orders in 84 impacts. Runs from starts that differ by the error of a tolerance.
+    def dropped(height: str) -> Problem:
+        problem = stack(("1/10", height), ("5", "3"), ("4/5", "4/5"))
+        return replace(problem, until=sp.Rational(13612, 10000))
+
+    truth = exact_run(dropped("2/5")).expected
+    assert truth.transitions[-1].conditioning > 1e8
+    verdicts = set()
+    for error in (1e-12, -1e-12, 1e-10, -1e-10, 1e-8, -1e-8):
+        found = score(run(dropped(f"2/5 + {error!r}")), truth, tolerance=abs(error) / truth.scale)
+        verdicts.add(found.verdict.word)
+    assert "ill-conditioned" in verdicts <= {"ill-conditioned", "right"}
+    assert score(run(dropped("2/5")), truth, tolerance=1e-10).verdict.word == "right"
 
 
 DROP = """\
