@@ -19,9 +19,10 @@ from henon_ref.baselines.restart import Fresh
 from henon_ref.baselines.surface_functions import projected, surface
 from henon_ref.jit.processor_time import compiling
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.after_jump import after_jump, without_speed
+from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
 from henon_ref.modes.equations import Guard
+from henon_ref.modes.impact_limit import without_speeds
 from henon_ref.modes.mode import CLEAR, Mode, replaced, sign_after
 from henon_ref.modes.mode_evaluation import ModeEvaluation, TapePoint, in_doubles
 from henon_ref.modes.resets import REMAINING, impact_of, resetting
@@ -206,9 +207,10 @@ class ModeTable:
         sliding = {i for i, s in enumerate(model.mode) if s == 0}
         involved = self.system.closed({g.index for g in guards if g.ends is None}, sliding) | model.idle
         x, drift = projected(self.system, sorted(involved), t, x)
-        for i, entry_now in enumerate(model.mode):  # errors may have given a body at rest a speed
-            impact = impact_of(self.system, i) if entry_now == 0 and self.system.rests(i) else None
-            x = x if impact is None else tuple(without_speed(impact, self, t, x))
+        # Errors may have given a body at rest a speed.
+        at_rest = [impact_of(self.system, i) for i in sorted(sliding) if self.system.rests(i)]
+        if impacts := [impact for impact in at_rest if impact]:
+            x = tuple(without_speeds(self.system.states, self, t, x, impacts))
         if resets := resetting(self.system, model.mode, guards):
             return self._jumped(resets, guards, model.mode, t, x, drift)
         at = self.in_doubles.at(t, x)
@@ -231,8 +233,9 @@ class ModeTable:
             return After(None, state, (), drift, (), decision.ending, decision.reason)
         if after.rests:
             rests = tuple((rest.mode, t + rest.remaining, tuple(rest.state)) for rest in after.rests)
-            left = any(rests[-1][0][i] for i in after.on)  # another body may still fly after the last rest
-            fresh = self.fresh_at(self[rests[-1][0]], *rests[-1][1:], after.on) if left else ()
+            on = after.rests[-1].on
+            left = any(rests[-1][0][i] for i in on)  # another body may leave after the last rest
+            fresh = self.fresh_at(self[rests[-1][0]], *rests[-1][1:], on) if left else ()
             return After(decision.mode, state, fresh, drift, applied=applied, rests=rests)
         fresh = self.fresh_at(self[decision.mode], t, state, after.on)
         fresh = self._without_rate(decision.mode, fresh, after.still)

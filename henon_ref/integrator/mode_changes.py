@@ -5,7 +5,7 @@ Most runs do not need them: the loop (``henon_ref/kernel/loop.c``) decides all t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from flint import arb
@@ -191,14 +191,14 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
         found = after_jump(precise.system, precise, run.mode, surfaces, hits, t, before, arb(most))
         after = [split(x) for x in found.state]
         applied = [(i, [float(x.mid()) for x in left]) for i, left in found.applied]
-        rests = [(split(t + rest.remaining), [split(x) for x in rest.state], rest.mode) for rest in found.rests]
+        rests = [(split(t + rest.remaining), [split(x) for x in rest.state], rest) for rest in found.rests]
     run.before_jump[:] = run.x
     run.scalars.more_digits = 0
     run.put(run.now, after)
     if not all(abs(high) < LEVELS.blown_up for high, _ in after):
         return ending_of(run, kernel.DIVERGED)
     ended = change_mode(run, found.decision, _zeros_on(run, found.decision.mode, found.on, found.left), (), applied)
-    for end, resting, mode in rests:
+    for end, resting, rest in rests:
         if ended is not None:
             break
         length = (end[0] - run.now[0]) + (end[1] - run.now[1])
@@ -207,11 +207,11 @@ def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending
             run.put(run.until, resting)
             return None
         run.put(end, resting)
-        ended = change_mode(run, Decision("unique", mode), _zeros_on(run, mode, found.on), ())
+        ended = change_mode(run, Decision("unique", rest.mode), _zeros_on(run, rest.mode, rest.on), ())
     return ended
 
 
-def _zeros_on(run: State, mode: Mode | None, on: Sequence[int], left: Sequence[int] = ()) -> Sequence[int]:
+def _zeros_on(run: State, mode: Mode | None, on: Collection[int], left: Collection[int] = ()) -> Sequence[int]:
     """Return the known zeros of a mode's guards at the current point, which lies on the surfaces ``on``.
 
     ``left``: surfaces that the state leaves with a speed, which derivatives in doubles might take for zero.

@@ -34,3 +34,9 @@ static inline double remaining(const struct run *run)
 {
     return (run->horizon - run->time) + (run->horizon_low - run->time_low);
 }
+
+/* Longest duration of all later impacts that is replaced by rest [s]. */
+static inline double longest_rest(const struct run *run)
+{
+    return run->rest_part * (run->horizon - run->begin);
+}

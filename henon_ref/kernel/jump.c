@@ -5,11 +5,10 @@
  * state, to the rounding of its own terms, as a step is. The mode after the jump is then expanded there. Every guard
  * must be clearly above zero, but for one surface on which the map puts the state: there two normal velocities decide.
  * A surface whose function the map keeps must be left with a speed, so that the following flights last longer than a
- * rest, or by the acceleration alone if the impact absorbs the whole speed. Or the body continues to fall through the
- * surface, or it is clearly pressed on and stays, because the impact absorbs the whole speed or the impacts have come
- * to their limit; then the mode below, or at rest, is expanded, too.
- *
- * All other cases are left to Python, before anything is changed.
+ * rest and no other stop is met sooner, or by the acceleration alone if the impact absorbs the whole speed. Or the body
+ * continues to fall through the surface, or it is clearly pressed on and stays, because the impact absorbs the whole
+ * speed or the impacts have come to their limit; then the mode below, or at rest, is expanded, too. All other cases are
+ * left to Python, before anything is changed.
  */
 
 /* The flights clearly continue if all later ones together last this many times the longest rest. */
@@ -40,11 +39,8 @@ struct jump {
 };
 
 /* Write the state after the jump, what rounding lost of it, and new values of surfaces into the room; false if they are
- * not finite, or an operation has left the range of doubles.
- *
- * The value of a surface whose function the map keeps is 0. The map of a surface (henon_ref/integrator/mode_code.py)
- * does not write what it does not change.
- */
+ * not finite, or an operation has left the range of doubles. The value of a surface whose function the map keeps is 0.
+ * The map of a surface (henon_ref/integrator/mode_code.py) does not write what it does not change. */
 static bool map_state(const struct work *w, const struct jump *jump)
 {
     const struct run *run = w->run;
@@ -119,13 +115,12 @@ static enum impact after_impact(const struct run *run, struct jump *jump, const 
     if (rise < -TANGENT * reached)
         return ratio > 0.0 ? FALLS : NOT_CLEAR;
     double ending = larger(-row[2], 0.0) * (turned ? 2.0 : larger(1.0 - rise / reached, 0.0));
-    double rest = run->rest_part * (run->horizon - run->begin);
     if (!(rise > TANGENT * reached))
         return NOT_CLEAR;
-    if (run->unit * rise > LASTING * rest * ending)
+    if (run->unit * rise > LASTING * longest_rest(run) * ending)
         return LEAVES;
     jump->flights = run->unit * rise / ending, jump->rise = rise;
-    bool told = !turned && ratio != 1.0 && row[2] < -margin && LASTING * jump->flights < rest;
+    bool told = !turned && ratio != 1.0 && row[2] < -margin && LASTING * jump->flights < longest_rest(run);
     return told && jump->flights < remaining(run) ? RESTS : NOT_CLEAR;
 }
 
@@ -179,17 +174,19 @@ static bool lands(const struct work *w, struct jump *jump)
 /* Largest change of the rate of another stop, as a multiple of that of the surface, when the body has come to rest. */
 #define OTHER_STOP 16.0
 
-/* Check whether no guard of the expanded mode, except that of the surface, reaches zero during the last flights. */
-static bool undisturbed(const struct work *w, const struct jump *jump)
+/* Check whether no guard of the expanded mode, except that of the surface, reaches zero during the last flights; if the
+ * body leaves it, whether no other stop is met so soon that both may have a limit of impacts together. */
+static bool undisturbed(const struct work *w, const struct jump *jump, bool leaves)
 {
     const struct mode *mode = mode_at(w, jump->target);
-    double time = jump->flights / w->run->unit;
+    double time = (leaves ? longest_rest(w->run) : jump->flights) / w->run->unit;
     bool found = true;
     for (int64_t g = 0; g < mode->guards; g++) {
         const double *row = row_ahead(w, w->run->states + g);
-        double more = mode->guard[g].coupled == RESETTING ? OTHER_STOP * jump->rise : 0.0;
+        bool stop = mode->guard[g].coupled == RESETTING, passed = leaves && !stop;
+        double more = stop && !leaves ? OTHER_STOP * jump->rise : 0.0;
         bool clear = fabs(row[0]) > (fabs(row[1]) + more) * time + fabs(row[2]) * time * time;
-        found = found && (clear || is_on(&mode->guard[g], jump->surface));
+        found = found && (clear || passed || is_on(&mode->guard[g], jump->surface));
     }
     return found;
 }
@@ -208,10 +205,11 @@ static int64_t follow_impact(struct work *w, struct jump *jump, int64_t changes)
     int64_t n = run->states, index = jump->surface;
     const double *row = row_ahead(w, n + guard_on(mode_at(w, jump->target), index));
     enum impact found = after_impact(run, jump, row, jump->values[w->mode->surfaces], changes > 1);
-    if (found == NOT_CLEAR || (found == RESTS && !undisturbed(w, jump)) || (found != LEAVES && jump->landed >= 0))
+    bool leaves = found == LEAVES, alone = !(leaves || found == RESTS) || undisturbed(w, jump, leaves);
+    if (found == NOT_CLEAR || !alone || (!leaves && jump->landed >= 0))
         return SELECT_MODE;
     jump->zeros = found == LIFTS_OFF ? 2 : 1;
-    if (found == LEAVES || found == LIFTS_OFF)
+    if (leaves || found == LIFTS_OFF)
         return ON;
     bool falls = found == FALLS;
     int64_t lower = jump->number - three_to(index) * (falls ? 2 : 1);

@@ -15,10 +15,11 @@ from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.cascade import SHRUNK, Cascade, acting_groups
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import Guard, gradient
-from henon_ref.modes.inelastic_collapse import Flight, collapse, moved
+from henon_ref.modes.impact_limit import moved_to_zero, without_speeds
+from henon_ref.modes.inelastic_collapse import Flight, collapse, meets_another, moved
 from henon_ref.modes.instant import Instant, Numbers
 from henon_ref.modes.mode import Mode, replaced
-from henon_ref.modes.resets import Impact, impact_of, never_pressed, time_to_rest, turning_in_flight
+from henon_ref.modes.resets import impact_of, never_pressed, stops, time_to_rest, turning_in_flight
 from henon_ref.modes.selection import mode_by_signs
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
@@ -35,6 +36,8 @@ class Rest:
     """Time from the impact until rest [s]; 0 if the impact takes all speed."""
     state: Sequence[Any]
     mode: Mode
+    on: Collection[int]
+    """Surfaces on which the state is then; a body may still fly, or leave one."""
 
 
 @dataclass(frozen=True)
@@ -89,12 +92,6 @@ def _not_finite(numbers: Numbers, t: Any, x: Sequence[Any]) -> Decision:
     return _refused(f"the state after the reset at t = {numbers.at(t, x).when} is not finite")
 
 
-def without_speed(impact: Impact, numbers: Numbers, t: Any, x: Sequence[Any]) -> list[Any]:
-    """Return the state after a force of the surface has made h' zero, at which a body can rest."""
-    speed, *push = numbers.values((impact.speed, *impact.push), t, x)
-    return [value - speed * p for value, p in zip(x, push, strict=True)]
-
-
 class _Rule:
     """Continuation after the last map of an instant."""
 
@@ -123,6 +120,8 @@ class _Rule:
             found, why = self._followed(decision, on, most, valid)
             if not why and self.several and found.rests and self._accumulating(found.rests[0].mode, most):
                 why = SEVERAL_RESETS
+            if together and not (why or found.rests) and stops(system).keys() >= self.rates.keys():
+                why = CLOSE if meets_another(system, numbers, self._flight(found), most) else ""
             if why in (SEVERAL_RESETS, CLOSE):
                 return self._collapsed(found, most) if together else found
             return self._no_rest(self.impacts, why) if why else found
@@ -159,7 +158,7 @@ class _Rule:
                 sides[i] = 0
         zero = [i for i in self.rates if sides[i] == 0]
         if zero:
-            bodies = [i for i in zero if i in self.impacts and not self.impacts[i].refusal]
+            bodies = [i for i in zero if i in stops(system)]
             x = Cascade(system, self.numbers, self.mode, self.t).at_rest(after, bodies).state
             decision = self._decided(x, sides, valid)
             stuck = decision.mode
@@ -167,7 +166,7 @@ class _Rule:
             if stuck is None or not stays:
                 return AfterJump(decision, after, on=on, still=tuple(i for i in self.rates if sides[i] == 0)), ""
             now = 0 * self.t
-            rest = Rest(now, self._at_rest(stays, after, stuck, now), stuck)
+            rest = Rest(now, self._at_rest(stays, after, stuck, now), stuck, on)
             return AfterJump(Decision("unique", mode), after, on=on, rests=(rest,)), ""
         if not times:
             quiet = tuple(i for i, rate in self.rates.items() if rate.sign == 0)
@@ -178,42 +177,47 @@ class _Rule:
             return AfterJump(decision, after, on=on), why
         time = next(iter(times.values()))  # several times are all 0
         at_end = self._at_rest(tuple(times), after, stuck, time)
-        rest = Rest(time, at_end, self._past_sections(stuck, terms, time, at_end))
+        rest = Rest(time, at_end, self._past_sections(stuck, terms, time, at_end), on)
         return AfterJump(decision, after, on=on, rests=(rest,)), ""
 
     def _collapsed(self, found: AfterJump, most: Any) -> AfterJump:
         """Add the rest of several bodies if their impacts end within ``most`` [s]."""
         system, numbers = self.system, self.numbers
-        first = self._flight(found, ())
-        ended = collapse(system, numbers, first, most, partial(self._impacts, most))
+        first = self._flight(found)
+        ended = collapse(system, numbers, first, most, partial(self._impacts, most), self._limit)
         if ended is None:
             return found
         last, fired = ended
-        limit = Cascade(system, numbers, last.mode, last.time).at_rest(last.state, fired)
-        at_rest = _Rule(system, numbers, last.mode, limit, last.time).after(0 * most, together=False)
-        stuck = at_rest.rests[-1].mode if at_rest.rests else ()
         terms, passed = self._terms(first.mode, first.state), system.observed | system.resets.keys()
-        if not stuck or any(stuck[i] for i in fired) or self._met(terms, last.time - self.t, passed):
+        if self._met(terms, last.time - self.t, passed):
             return self._no_rest(fired, CLOSE)
-        rest = Rest(last.time - self.t, at_rest.rests[-1].state, stuck)
-        return replace(found, rests=(*found.rests, rest))
+        return replace(found, rests=(*found.rests, Rest(last.time - self.t, last.state, last.mode, last.left)))
 
-    def _impacts(self, most: Any, mode: Mode, t: Any, x: Sequence[Any], hit: Collection[int]) -> Flight | None:
+    def _impacts(self, most: Any, at: Flight, hit: Collection[int]) -> Flight | None:
         """Return the flight after impacts, or after a rest of one body to which they lead."""
-        end = Cascade(self.system, self.numbers, mode, t).end(x, hit, hit)
-        if isinstance(end, Decision):
+        end = Cascade(self.system, self.numbers, at.mode, at.time).end(at.state, hit, hit)
+        if isinstance(end, Decision) or not stops(self.system).keys() >= end.fired:
             return None
-        rule = _Rule(self.system, self.numbers, mode, end, t)
+        rule = _Rule(self.system, self.numbers, at.mode, end, at.time)
         found = rule.after(most, together=False)
-        return None if found.decision.mode is None else rule._flight(found, end.fired)
+        return None if found.decision.mode is None else rule._flight(found, end.fired, limit=end.limit)
 
-    def _flight(self, found: AfterJump, fired: Collection[int]) -> Flight:
+    def _limit(self, at: Flight, fired: Collection[int]) -> Flight | None:
+        """Return the flight that begins with the rest on surfaces, close to which the state is."""
+        mode = tuple(1 if i in fired else entry for i, entry in enumerate(at.mode))
+        end = Cascade(self.system, self.numbers, mode, at.time).at_rest(at.state, fired)
+        found = _Rule(self.system, self.numbers, mode, end, at.time).after(0 * self.t, together=False)
+        if not found.rests or any(found.rests[-1].mode[i] for i in fired):
+            return None
+        return Flight(found.rests[-1].mode, at.time, found.rests[-1].state, found.on)
+
+    def _flight(self, found: AfterJump, fired: Collection[int] = (), *, limit: bool = False) -> Flight:
         """Return the flight that follows the last impact, or the rest after it."""
         mode, state, time = found.decision.mode, found.state, self.t
         if found.rests:
             mode, state, time = found.rests[-1].mode, found.rests[-1].state, time + found.rests[-1].remaining
         assert mode is not None
-        return Flight(mode, time, state, found.on, [rate.now for rate in self.rates.values()], fired)
+        return Flight(mode, time, state, found.on, fired, limit)
 
     def _met(self, terms: Terms, time: Any, passed: Collection[int]) -> bool:
         """Return whether a guard may reach zero within a time [s]; the surfaces ``passed`` may."""
@@ -273,7 +277,7 @@ class _Rule:
         for i in times:
             stuck, impact = replaced(stuck, i, 0), self.impacts[i]
             if not impact.refusal:
-                x = without_speed(impact, self.numbers, self.t, x)
+                x = without_speeds(self.system.states, self.numbers, self.t, x, [impact])
                 undecided |= turning_in_flight(self.system, i).intersection(self._turned(i, mode))
         if not undecided:
             return Decision("unique", stuck)
@@ -322,14 +326,9 @@ class _Rule:
     def _at_rest(self, surfaces: tuple[int, ...], after: Sequence[Any], stuck: Mode, time: Any) -> list[Any]:
         """Return the state at rest, projected onto the surfaces; its error is about the cube of ``time``."""
         system, numbers = self.system, self.numbers
-        x = list(after)
-        for i in surfaces:
-            x = without_speed(self.impacts[i], numbers, self.t, x)
+        impacts = [self.impacts[i] for i in surfaces]
+        x = without_speeds(system.states, numbers, self.t, after, impacts)
         x = moved(numbers, system.equations(stuck).field, self.t, x, time)
-        for i in surfaces:
-            surface = system.surfaces[i]
-            h, *slopes = numbers.values((surface, *gradient(surface, system.states)), self.t + time, x)
-            size = sum((g * g for g in slopes), 0 * h)
-            x = [value - h * g / size for value, g in zip(x, slopes, strict=True)]
-            x = without_speed(self.impacts[i], numbers, self.t + time, x)
-        return x
+        own = [system.surfaces[i] for i in surfaces]
+        x = moved_to_zero(system.states, numbers, self.t + time, x, own, [gradient(h, system.states) for h in own])
+        return without_speeds(system.states, numbers, self.t + time, x, impacts)

@@ -25,10 +25,10 @@ from sympy.utilities.iterables import connected_components
 
 from henon_ref.modes.decision import Decision
 from henon_ref.modes.equations import gradient
-from henon_ref.modes.impact_limit import PERIOD, recurs, without_speeds
+from henon_ref.modes.impact_limit import PERIOD, recurring, without_speeds
 from henon_ref.modes.instant import Instant, Numbers, Rate
 from henon_ref.modes.mode import Mode
-from henon_ref.modes.resets import Impact, impact_of, jump_of
+from henon_ref.modes.resets import Impact, impact_of, jump_of, stops
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.text import listed
 
@@ -64,7 +64,9 @@ class Cascade:
             if isinstance(made, Decision):
                 return made
             if not (made[-1].due or self._alike(made[-1], first[-1])):
-                return self._not_unique(first, made[0])
+                count = len(made[0].applied)
+                either = [instant.applied[-1][0] for instant in (first[min(count, len(first) - 1)], made[0])]
+                return self._not_unique(either, made[0])
             known += made
             alternatives += self._alternatives(made)
         return first[-1]
@@ -78,11 +80,14 @@ class Cascade:
         made = [start]
         while self._endless or (made[-1].due and not any(self._alike(made[-1], other) for other in known)):
             bodies = self._bodies(made[-1])
-            if bodies and not turns and (self._endless or len(made) > PERIOD or recurs(made[-1 - PERIOD :])):
+            own = recurring(made[-1 - PERIOD :]) if bodies else frozenset()
+            if bodies and not turns and (self._endless or len(made) > PERIOD or own):
                 return self._in_turn(start)
-            if bodies and (self._endless or recurs(made[-1 - PERIOD :])):
-                made.append(self._limit(made[-1], made[-1].fired))
-                break
+            if bodies and (self._endless or own):
+                limit = self._limit(made[-1], made[-1].fired if self._endless else own)
+                if not limit.due:
+                    made.append(limit)
+                    break
             if self._endless or self._count >= MAX_MAPS:
                 names = listed([self._system.sign_names[i] for i in sorted(made[-1].fired)])
                 when = self._numbers.at(self._t, made[-1].state).when
@@ -105,27 +110,27 @@ class Cascade:
             found.append(made)
         self._endless = False
         one, other = found
-        return one if self._alike(one[-1], other[-1]) else self._not_unique(one, other[-1])
+        return one if self._alike(one[-1], other[-1]) else self._not_unique(sorted(one[-1].fired), other[-1])
 
     def _bodies(self, now: Instant) -> bool:
         """Return whether all surfaces that have fired or are due are impacts of bodies, with the state on them."""
-        impacts = {i: impact_of(self._system, i) for i in now.fired | now.due}
-        return all(impact and not impact.refusal and i in now.rates for i, impact in impacts.items())
+        return all(i in stops(self._system) and i in now.rates for i in now.fired | now.due)
 
     def at_rest(self, x: Sequence[Any], surfaces: Collection[int]) -> Instant:
         """Return the limit of impacts on surfaces from a state close to it."""
         return self._limit(Instant(x, self._mode, frozenset(), [abs(v) for v in x]), surfaces)
 
     def _limit(self, now: Instant, surfaces: Collection[int]) -> Instant:
-        impacts = {i: impact for i in sorted(surfaces) if (impact := impact_of(self._system, i))}
-        speeds = [self._speed(impact) for impact in impacts.values()]
-        x = without_speeds(self._system.states, self._numbers, self._t, now.state, speeds, [*impacts.values()])
-        zero = 0 * self._t
-        rates = {**now.rates, **{i: Rate(zero, zero, 0) for i in impacts}}
+        impacts = {i: stops(self._system)[i] for i in sorted(surfaces)}
+        x = without_speeds(self._system.states, self._numbers, self._t, now.state, [*impacts.values()])
+        zero, end = 0 * self._t, replace(now, state=x)
+        rates = {i: Rate(zero, zero, 0) for i in impacts}
+        rates |= {i: self._other_map(i, stops(self._system)[i], now, end) for i in now.rates.keys() - impacts.keys()}
         sides = tuple(0 if i in impacts else side for i, side in enumerate(now.sides))
         first = dict(reversed(now.applied))
         applied = tuple((i, first[i]) for i in dict.fromkeys(i for i, _ in now.applied))
-        return Instant(x, sides, frozenset(), now.sizes, rates, applied, limit=True)
+        due = frozenset(i for i in rates if rates[i].sign < 0)
+        return Instant(x, sides, due, now.sizes, rates, applied, limit=True)
 
     def _next(self, now: Instant, turns: int = 0) -> list[int]:
         """Return the surfaces that may be next: of the lowest priority, and acting on each other."""
@@ -148,15 +153,13 @@ class Cascade:
             for a, b, size, other_size in states
         )
 
-    def _not_unique(self, first: Sequence[Instant], other: Instant) -> Decision:
-        """Return the decision if the order matters; ``other``: the first instant of a different order."""
-        count = len(other.applied)
-        either = [first[min(count, len(first) - 1)].applied[count - 1][0], other.applied[-1][0]]
-        names = listed([self._system.sign_names[i] for i in dict.fromkeys(either)])
-        impacts = [impact_of(self._system, i) for i in either]
-        bodies = all(impact is not None and not impact.refusal for impact in impacts)
+    def _not_unique(self, surfaces: Iterable[int], now: Instant) -> Decision:
+        """Return the decision if the order of these surfaces' maps matters."""
+        own = list(dict.fromkeys(surfaces))
+        names = listed([self._system.sign_names[i] for i in own])
+        bodies = all(i in stops(self._system) for i in own)
         what = "impacts at one instant that share a body" if bodies else "resets at one instant whose order matters"
-        when = self._numbers.at(self._t, other.state).when
+        when = self._numbers.at(self._t, now.state).when
         return Decision("nonunique", None, f"the future is not unique at t = {when}: {what}: {names}")
 
     def _after(self, now: Instant, index: int) -> Instant:

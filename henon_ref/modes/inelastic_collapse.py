@@ -2,12 +2,15 @@
 
 A ball that falls on a second one on the ground, say (McNamara and Young, *Phys. Fluids A* 4, 1992, 496-504). Their
 duration has no formula. Once it is short, accelerations are constant, and the impacts are followed until little of
-their speed is left.
+their speed is left. A light ball that a heavy one presses on the ground loses little speed with each impact, and all
+gaps close much sooner: then the impacts are those of one instant, which have a limit
+(:mod:`henon_ref.modes.impact_limit`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections import deque
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,8 +23,10 @@ from henon_ref.modes.system import FilippovSystem
 
 MOST_FLIGHTS = 2000
 """Largest number of flights that are followed."""
-LEFT = 2.0**-40
-"""Part of the first speeds that is no longer followed."""
+LATEST = 16
+"""Number of the latest impacts that end; bodies that others have met before may still fly."""
+LEFT = 2.0**-80
+"""Part of the first speeds, or of the duration, that is no longer followed; smaller differences of two are none."""
 
 
 @dataclass(frozen=True)
@@ -31,39 +36,77 @@ class Flight:
     mode: Mode
     time: Any
     state: Sequence[Any]
-    left: Collection[int]
+    left: Collection[int] = ()
     """Surfaces on which the flight begins."""
-    speeds: Sequence[Any] = ()
-    """Speeds after the last impacts."""
     fired: Collection[int] = ()
     """Surfaces of the last impacts."""
+    limit: bool = False
+    """Whether the last impacts went on without end at one instant."""
 
 
-Impacts = Callable[[Mode, Any, Sequence[Any], Collection[int]], Flight | None]
-"""(mode, time, state, surfaces hit) -> the flight that follows; None if there is none."""
+After = Callable[[Flight, Collection[int]], Flight | None]
+"""(point, surfaces) -> the flight that follows impacts on these surfaces, or their limit; None if there is none."""
 
 
 def collapse(
-    system: FilippovSystem, numbers: Numbers, first: Flight, most: Any, impacts: Impacts
+    system: FilippovSystem, numbers: Numbers, first: Flight, most: Any, impacts: After, limit: After
 ) -> tuple[Flight, frozenset[int]] | None:
-    """Return the last flight of impacts that end within ``most`` [s], and their surfaces; None if they last longer."""
-    now, fastest, fired = first, 0.0, set[int]()
+    """Return the last flight at whose beginning bodies have come to rest within ``most`` [s], and surfaces met before.
+
+    ``limit``: rest on surfaces from a state close to it. None if no bodies come to rest.
+    """
+    now, fastest, found, alike = first, 0.0, None, dict[tuple[Mode, frozenset[int]], tuple[Any, list[Any]]]()
+    fired, latest = set(first.left), deque([set(first.left)], maxlen=LATEST)
     for _ in range(MOST_FLIGHTS):
-        next_hit = _next_hit(system, numbers, now)
+        gaps = _gaps(system, numbers, now)
+        bend = max((abs(float(own[2])) for own in gaps.values()), default=0.0)
+        own = set().union(*latest)
+        whole, speed = (_speed([gaps[i] for i in some & gaps.keys()], bend) for some in (fired, own))
+        fastest = max(fastest, whole)
+        if now is not first and whole <= LEFT * fastest:
+            at_rest = limit(now, fired)
+            return found if at_rest is None else (at_rest, frozenset(fired))
+        if set(gaps) <= set(now.left):
+            key, rates = (now.mode, frozenset(now.left)), [rate for _, rate, _ in gaps.values()]
+            part = _part(alike[key][1], rates, max(numbers.rounding, LEFT)) if key in alike else None
+            if part is not None:  # all that follows is the same, with this part of the speeds and durations
+                end = _middle(now.time + (now.time - alike[key][0]) * part / (1 - part))
+                at_rest = limit(now, fired) if end - first.time <= most else None
+                if at_rest is None:
+                    return found
+                x = moved(numbers, system.equations(at_rest.mode).field, now.time, at_rest.state, end - now.time)
+                at_rest = limit(Flight(now.mode, end, [*map(_middle, x)]), fired)
+                return found if at_rest is None else (at_rest, frozenset(fired))
+            alike[key] = now.time, rates
+        close = own & gaps.keys()
+        reach = LEFT * speed * float(now.time - first.time)
+        together = len(close) > 1 and all(float(gaps[i][0]) <= reach for i in close)
+        at_once = impacts(now, close) if together else None
+        if (now is not first and own and speed <= LEFT * fastest) or (at_once is not None and at_once.limit):
+            at_rest = limit(now, own)
+            if at_rest is None:
+                return found
+            found, now = (at_rest, frozenset(fired)), at_rest
+            latest.clear()
+            continue
+        next_hit = _next_hit(numbers, gaps)
         if next_hit is None or not now.time + next_hit[0] - first.time <= most:
-            return None
+            return found
         length, hit = next_hit
         x = moved(numbers, system.equations(now.mode).field, now.time, now.state, length)
-        following = impacts(now.mode, _middle(now.time + length), [*map(_middle, x)], hit)
+        following = impacts(Flight(now.mode, _middle(now.time + length), [*map(_middle, x)]), hit)
         if following is None:
-            return None
+            return found
         now = following
         fired.update(now.fired)
-        speed = max((abs(float(v)) for v in now.speeds), default=0.0)
-        fastest = max(fastest, speed)
-        if speed <= LEFT * fastest:
-            return now, frozenset(fired)
-    return None
+        latest.append(set(now.fired))
+    return found
+
+
+def meets_another(system: FilippovSystem, numbers: Numbers, now: Flight, most: Any) -> bool:
+    """Return whether a flight ends within ``most`` [s] on a surface on which it does not begin."""
+    next_hit = _next_hit(numbers, _gaps(system, numbers, now))
+    return next_hit is not None and bool(next_hit[0] <= most) and not next_hit[1] <= set(now.left)
 
 
 def moved(numbers: Numbers, field: tuple[sp.Expr, ...], t: Any, x: Sequence[Any], length: Any) -> list[Any]:
@@ -78,20 +121,43 @@ def _middle(value: Any) -> Any:
     return value.mid() if isinstance(value, arb) else value
 
 
-def _next_hit(system: FilippovSystem, numbers: Numbers, now: Flight) -> tuple[Any, frozenset[int]] | None:
-    """Return the time until the next impact [s], and its surfaces."""
-    times = {}
-    series = numbers.guard_series(now.mode, now.time, now.state)
+Gap = tuple[Any, Any, Any]
+"""Function of a stop: its value, rate, and half of its acceleration."""
+
+
+def _gaps(system: FilippovSystem, numbers: Numbers, now: Flight) -> dict[int, Gap]:
+    """Return the gaps of stops on which no body rests."""
+    found, series = {}, numbers.guard_series(now.mode, now.time, now.state)
     for guard, (h, rate, bend, *_) in zip(system.equations(now.mode).guards, series, strict=True):
         i = guard.index
         if guard.kind == "surface" and i in system.resets and now.mode[i] > 0:
-            time = _root(0 * h if i in now.left else h, rate, bend)
-            if time is not None:
-                times[i] = time
+            found[i] = (0 * h if i in now.left else h, rate, bend)
+    return found
+
+
+def _speed(gaps: Sequence[Gap], bend: float) -> float:
+    """Return the largest speed with which gaps would close with half an acceleration of ``bend``."""
+    return max((float(rate) ** 2 + 4 * bend * max(float(h), 0.0) for h, rate, _ in gaps), default=0.0) ** 0.5
+
+
+def _part(before: Sequence[Any], now: Sequence[Any], rounding: float) -> Any:
+    """Return the part of rates that is left, if it is below 1 and the same for all; else None."""
+    pairs = list(zip(before, now, strict=True))
+    most, then = max(pairs, key=lambda pair: abs(float(pair[0])), default=(0.0, 0.0))
+    if not 0 < float(then) * float(most) < float(most) ** 2:
+        return None
+    same = all(abs(float(b * most - a * then)) <= rounding * abs(float(most * then)) for a, b in pairs)
+    return then / most if same else None
+
+
+def _next_hit(numbers: Numbers, gaps: Mapping[int, Gap]) -> tuple[Any, frozenset[int]] | None:
+    """Return the time until the next impact [s], and its surfaces."""
+    times = {i: time for i, own in gaps.items() if (time := _root(*own)) is not None}
     if not times:
         return None
     first = min(times.values(), key=float)
-    return first, frozenset(i for i, time in times.items() if float(time - first) <= LEFT * float(first))
+    last = (1 + max(numbers.rounding, LEFT)) * first
+    return first, frozenset(i for i, time in times.items() if float(last - time) >= 0)
 
 
 def _root(h: Any, rate: Any, bend: Any) -> Any:

@@ -147,6 +147,13 @@ def impact_of(system: FilippovSystem, index: int) -> Impact | None:
 
 
 @lru_cache(maxsize=64)
+def stops(system: FilippovSystem) -> dict[int, Impact]:
+    """Return the surfaces on which a body can rest, with their impacts."""
+    impacts = {i: impact_of(system, i) for i in system.resets}
+    return {i: impact for i, impact in impacts.items() if impact is not None and not impact.refusal}
+
+
+@lru_cache(maxsize=64)
 def never_pressed(system: FilippovSystem) -> frozenset[int]:
     """Return the surfaces on which a state with h = h' = 0 stays without a force, unless a jump moves it.
 
@@ -195,8 +202,8 @@ def with_resting(system: FilippovSystem) -> FilippovSystem:
     """
     own = {
         i: SlidingOverride(impact.field, (Release(impact.acceleration, "rising", 1),), "resting", push=impact.push)
-        for i in system.resets
-        if (impact := impact_of(system, i)) is not None and not impact.refusal and i not in never_pressed(system)
+        for i, impact in stops(system).items()
+        if i not in never_pressed(system)
     }
     return replace(system, overrides={**system.overrides, **own}) if own else system
 

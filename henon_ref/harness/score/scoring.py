@@ -10,7 +10,8 @@ it moves its time by ``conditioning * e``. If that is a large part of the distan
 surface, the run cannot decide whether the two exist. On a parabola whose slope at its roots is h' and whose roots are a
 gap apart, the surface function reaches a depth of ``h' * gap / 4``, and an error in the state moves it by
 ``conditioning * h' * e``: the pair of roots vanishes if ``conditioning * e >= gap / 4``. If a surface is nearly touched
-without a transition, the distance itself is compared with e.
+without a transition, the distance itself is compared with e. If two transitions of different surfaces are closer than
+the errors granted to both times, either may be the first.
 
 At a singularity of the field, or if events accumulate, an error in the state moves the end by about its square root (by
 Torricelli's law a level falls with its root). A run that ends likewise is granted that difference of the end time.
@@ -270,10 +271,13 @@ def verdict(expected: Expected, matching: Matching, run: Trajectory, *, toleranc
         return Verdict("solver defect", f"every transition is right, the end at t = {ended:.9g} s is not")
     if missed and missed[0] == where:
         fault = missed_verdict(expected, matching.missed[0], allowed)
-        if fault.word == "solver defect" and where > ended and not invented:
-            return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
-        return fault
-    return spurious_verdict(expected, run.transitions[matching.spurious[0]], allowed)
+    else:
+        fault = spurious_verdict(expected, run.transitions[matching.spurious[0]], allowed)
+    if fault.word == "solver defect" and missed and invented:
+        return _order(expected, matching.missed[0], invented[0], allowed) or fault
+    if fault.word == "solver defect" and where > ended:
+        return Verdict("solver defect", f"right up to its end at t = {ended:.9g} s; then {fault.basis}")
+    return fault
 
 
 def missed_verdict(expected: Expected, index: int, allowed: float) -> Verdict:
@@ -306,6 +310,21 @@ def spurious_verdict(expected: Expected, event: Transition, allowed: float) -> V
     if nearest is not None:
         no_graze = f"the nearest near touch is {nearest:.1e} s away"
     return Verdict("solver defect", f"{what} is not there: an error of {allowed:.1e} is granted, and {no_graze}")
+
+
+def _order(expected: Expected, index: int, invented: float, allowed: float) -> Verdict | None:
+    """Verdict if within the granted error a missed transition and the one beside it, of another surface, may exchange.
+
+    ``invented``: time of the run's first spurious transition [s].
+    """
+    event = expected.transitions[index]
+    for other in (*expected.transitions[max(index - 1, 0) : index], *expected.transitions[index + 1 : index + 2]):
+        gap, moved = abs(other.time - event.time), (event.conditioning + other.conditioning) * allowed
+        if other.surface != event.surface and 0 < gap <= moved < math.inf and abs(invented - event.time) <= 2 * moved:
+            both = f"{event.kind} at t = {event.time:.9g} s and {other.kind} at t = {other.time:.9g} s"
+            basis = f"{both}: an error of {allowed:.1e} moves them by {moved:.1e} s, and either may be the first"
+            return Verdict("ill-conditioned", basis)
+    return None
 
 
 def graze_distance(expected: Expected, index: int) -> float:

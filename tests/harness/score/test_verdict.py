@@ -56,6 +56,21 @@ def test_an_invented_transition_far_from_any_touch_is_a_defect_that_says_so():
     assert "crossing at t = 4.5 s is not there" in result.basis
 
 
+@pytest.mark.parametrize(("conditioning", "word"), [(1e3, "ill-conditioned"), (10.0, "solver defect")])
+def test_two_surfaces_may_be_met_in_either_order_within_the_error(conditioning, word):
+    impacts = [
+        replace(
+            e, kind="reset", surface=i, from_mode=(1, 1), to_mode=(1, 1), time=2 + i * 1e-4, conditioning=conditioning
+        )
+        for i, e in enumerate(reference()[:2])
+    ]
+    truth = expected(transitions=tuple(impacts), start_size=1.0)
+    run = [Transition("reset", i, (1, 1), (1, 1), 2 + (1 - i) * 1e-5, (0.25,)) for i in (1, 0)]
+    result = score(trajectory(tuple(run)), truth, tolerance=1e-7).verdict
+    assert result.word == word
+    assert ("either may be the first" in result.basis) == (word == "ill-conditioned")
+
+
 def test_what_went_wrong_before_the_run_stops_being_unique_is_the_solver_s():
     truth = expected(TIMES[:3], status="nonunique", end_time=2.7)
     late = score(trajectory(found(TIMES[:3])), truth, tolerance=1e-6).verdict
