@@ -257,8 +257,8 @@ def test_chains_of_every_length_agree() -> None:
     assert [size.states for size in found] == [2, 2, 6, 6]
     assert all(size.agrees and size.transitions > 5 for size in found)
     same = [Size(n, "a", 1, n**1.5, 1.0, 1.0, 10, n**2.0, 1.0, True) for n in (2, 16, 64)]
-    assert fitted(same, "a", "states", "per_second", 16) == "2.00"
-    assert fitted(same, "a", "states", "ready_s", 16) == "1.50"
+    assert fitted(same, "states", "per_second", 16) == "2.00"
+    assert fitted(same, "states", "ready_s", 16) == "1.50"
 
 
 def test_many_contacts_have_the_transitions_of_a_run_by_hand() -> None:
