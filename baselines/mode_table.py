@@ -21,12 +21,13 @@ from henon_ref.jit.processor_time import compiling
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.after_jump import after_jump
 from henon_ref.modes.callables import ARITHMETIC, Scalar, scalar
+from henon_ref.modes.consistency import stays
 from henon_ref.modes.equations import Guard
 from henon_ref.modes.impact_limit import without_speeds
 from henon_ref.modes.mode import CLEAR, Mode, replaced, sign_after
 from henon_ref.modes.mode_evaluation import ModeEvaluation, TapePoint, in_doubles
 from henon_ref.modes.resets import REMAINING, impact_of, resetting
-from henon_ref.modes.selection import after_event, stays
+from henon_ref.modes.selection import after_event
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.trajectory import Status
 

@@ -305,7 +305,7 @@ def _record_rounding(constants: ModeConstants, workspace: Workspace, mode: Mode,
     A function that no rounding of the states changes (x at x = 0) is left out.
     """
     from henon_ref.integrator.multiprecision_roots import BITS  # rarely needed
-    from henon_ref.modes.selection import stays
+    from henon_ref.modes.consistency import stays
 
     run, system = workspace.run, constants.table.system
     high, low = workspace.state[STATE_PLACE : STATE_PLACE + 2 * len(system.states)].reshape(2, -1).tolist()

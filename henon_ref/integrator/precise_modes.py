@@ -22,6 +22,7 @@ from henon_ref.kernel.library import EPS
 from henon_ref.method_cache import cached_method
 from henon_ref.modes.arithmetic import BALLS, DOUBLES, Arithmetic
 from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.modes.consistency import stays
 from henon_ref.modes.end_of_run import signs_in_mode
 from henon_ref.modes.equations import Guard, gradient
 from henon_ref.modes.mode import Mode
@@ -33,7 +34,7 @@ from henon_ref.modes.mode_evaluation import (
     guards_and_tape,
     shared_tape,
 )
-from henon_ref.modes.selection import contact_orders, mode_at_start, stays
+from henon_ref.modes.selection import contact_orders, mode_at_start
 from henon_ref.modes.system import FilippovSystem
 from henon_ref.precision import one_at_a_time, working_precision
 from henon_ref.taylor.series import BALL, expand
