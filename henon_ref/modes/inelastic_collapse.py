@@ -46,61 +46,109 @@ class Flight:
 
 After = Callable[[Flight, Collection[int]], Flight | None]
 """(point, surfaces) -> the flight that follows impacts on these surfaces, or their limit; None if there is none."""
+Gap = tuple[Any, Any, Any]
+"""Function of a stop: its value, rate, and half of its acceleration."""
+Rest = tuple[Flight, frozenset[int]]
+"""Flight at whose beginning bodies rest, and the surfaces met before."""
 
 
 def collapse(
     system: FilippovSystem, numbers: Numbers, first: Flight, most: Any, impacts: After, limit: After
-) -> tuple[Flight, frozenset[int]] | None:
+) -> Rest | None:
     """Return the last flight at whose beginning bodies have come to rest within ``most`` [s], and surfaces met before.
 
     ``limit``: rest on surfaces from a state close to it. None if no bodies come to rest.
     """
-    now, fastest, found, alike = first, 0.0, None, dict[tuple[Mode, frozenset[int]], tuple[Any, list[Any]]]()
-    fired, latest = set(first.left), deque([set(first.left)], maxlen=LATEST)
-    for _ in range(MOST_FLIGHTS):
-        gaps = _gaps(system, numbers, now)
-        bend = max((abs(float(own[2])) for own in gaps.values()), default=0.0)
-        own = set().union(*latest)
-        whole, speed = (_speed([gaps[i] for i in some & gaps.keys()], bend) for some in (fired, own))
-        fastest = max(fastest, whole)
-        if now is not first and whole <= LEFT * fastest:
-            at_rest = limit(now, fired)
-            return found if at_rest is None else (at_rest, frozenset(fired))
-        if set(gaps) <= set(now.left):
-            key, rates = (now.mode, frozenset(now.left)), [rate for _, rate, _ in gaps.values()]
-            part = _part(alike[key][1], rates, max(numbers.rounding, LEFT)) if key in alike else None
-            if part is not None:  # all that follows is the same, with this part of the speeds and durations
-                end = _middle(now.time + (now.time - alike[key][0]) * part / (1 - part))
-                at_rest = limit(now, fired) if end - first.time <= most else None
-                if at_rest is None:
-                    return found
-                x = moved(numbers, system.equations(at_rest.mode).field, now.time, at_rest.state, end - now.time)
-                at_rest = limit(Flight(now.mode, end, [*map(_middle, x)]), fired)
-                return found if at_rest is None else (at_rest, frozenset(fired))
-            alike[key] = now.time, rates
-        close = own & gaps.keys()
-        reach = LEFT * speed * float(now.time - first.time)
-        together = len(close) > 1 and all(float(gaps[i][0]) <= reach for i in close)
-        at_once = impacts(now, close) if together else None
-        if (now is not first and own and speed <= LEFT * fastest) or (at_once is not None and at_once.limit):
-            at_rest = limit(now, own)
-            if at_rest is None:
-                return found
-            found, now = (at_rest, frozenset(fired)), at_rest
-            latest.clear()
-            continue
-        next_hit = _next_hit(numbers, gaps)
-        if next_hit is None or not now.time + next_hit[0] - first.time <= most:
-            return found
+    return _Collapse(system, numbers, first, most, impacts, limit).followed()
+
+
+class _Collapse:
+    """Impacts that are followed until bodies have come to rest: all of them, or some, and then others."""
+
+    def __init__(
+        self, system: FilippovSystem, numbers: Numbers, first: Flight, most: Any, impacts: After, limit: After
+    ) -> None:
+        self.system, self.numbers, self.first, self.most = system, numbers, first, most
+        self.impacts, self.limit = impacts, limit
+        self.now = first
+        self.found: Rest | None = None
+        self.fired, self.latest = set(first.left), deque([set(first.left)], maxlen=LATEST)
+        self.fastest = 0.0
+        self.alike: dict[tuple[Mode, frozenset[int]], tuple[Any, list[Any]]] = {}
+        """Flights that begin on all surfaces: mode and surfaces -> the latest one's time and rates."""
+
+    def followed(self) -> Rest | None:
+        for _ in range(MOST_FLIGHTS):
+            gaps = _gaps(self.system, self.numbers, self.now)
+            bend = max((abs(float(own[2])) for own in gaps.values()), default=0.0)
+            own, begun = set().union(*self.latest), self.now is not self.first
+            whole, speed = (_speed([gaps[i] for i in some & gaps.keys()], bend) for some in (self.fired, own))
+            self.fastest = max(self.fastest, whole)
+            if begun and whole <= LEFT * self.fastest:
+                self._rests(self.now, self.fired)
+                break
+            if self._recurs(gaps):
+                break
+            slow = begun and bool(own) and speed <= LEFT * self.fastest
+            if slow or self._at_one_instant(gaps, own, speed):
+                if not self._rests(self.now, own):
+                    break
+                self.latest.clear()
+            elif not self._flies(gaps):
+                break
+        return self.found
+
+    def _rests(self, at: Flight, surfaces: Collection[int]) -> bool:
+        """Go on from the rest of bodies on surfaces; false if they do not rest there."""
+        at_rest = self.limit(at, surfaces)
+        if at_rest is not None:
+            self.found, self.now = (at_rest, frozenset(self.fired)), at_rest
+        return at_rest is not None
+
+    def _recurs(self, gaps: Mapping[int, Gap]) -> bool:
+        """Check whether the flight is an earlier one with a part of its speeds; find the rest that then follows.
+
+        All that follows is the same again, with this part of the speeds and durations.
+        """
+        now, key = self.now, (self.now.mode, frozenset(self.now.left))
+        if not set(gaps) <= set(now.left):
+            return False
+        rates = [rate for _, rate, _ in gaps.values()]
+        began, before = self.alike.get(key, (now.time, []))
+        part = _part(before, rates, max(self.numbers.rounding, LEFT)) if before else None
+        self.alike[key] = now.time, rates
+        if part is None:
+            return False
+        end = _middle(now.time + (now.time - began) * part / (1 - part))
+        at_rest = self.limit(now, self.fired) if end - self.first.time <= self.most else None
+        if at_rest is not None:
+            field = self.system.equations(at_rest.mode).field
+            x = moved(self.numbers, field, now.time, at_rest.state, end - now.time)
+            self._rests(Flight(now.mode, end, [*map(_middle, x)]), self.fired)
+        return True
+
+    def _at_one_instant(self, gaps: Mapping[int, Gap], own: Collection[int], speed: float) -> bool:
+        """Check whether several gaps are closed, but for a part that is not followed, and impacts go on without end."""
+        close = gaps.keys() & own
+        reach = LEFT * speed * float(self.now.time - self.first.time)
+        if len(close) < 2 or any(float(gaps[i][0]) > reach for i in close):
+            return False
+        following = self.impacts(self.now, close)
+        return following is not None and following.limit
+
+    def _flies(self, gaps: Mapping[int, Gap]) -> bool:
+        """Go on from the next impacts; false if none follow in time."""
+        now, next_hit = self.now, _next_hit(self.numbers, gaps)
+        if next_hit is None or not now.time + next_hit[0] - self.first.time <= self.most:
+            return False
         length, hit = next_hit
-        x = moved(numbers, system.equations(now.mode).field, now.time, now.state, length)
-        following = impacts(Flight(now.mode, _middle(now.time + length), [*map(_middle, x)]), hit)
-        if following is None:
-            return found
-        now = following
-        fired.update(now.fired)
-        latest.append(set(now.fired))
-    return found
+        x = moved(self.numbers, self.system.equations(now.mode).field, now.time, now.state, length)
+        following = self.impacts(Flight(now.mode, _middle(now.time + length), [*map(_middle, x)]), hit)
+        if following is not None:
+            self.now = following
+            self.fired.update(following.fired)
+            self.latest.append(set(following.fired))
+        return following is not None
 
 
 def meets_another(system: FilippovSystem, numbers: Numbers, now: Flight, most: Any) -> bool:
@@ -119,10 +167,6 @@ def moved(numbers: Numbers, field: tuple[sp.Expr, ...], t: Any, x: Sequence[Any]
 def _middle(value: Any) -> Any:
     """Return a number without its error bound, which would grow with every impact."""
     return value.mid() if isinstance(value, arb) else value
-
-
-Gap = tuple[Any, Any, Any]
-"""Function of a stop: its value, rate, and half of its acceleration."""
 
 
 def _gaps(system: FilippovSystem, numbers: Numbers, now: Flight) -> dict[int, Gap]:
