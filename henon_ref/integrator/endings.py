@@ -31,7 +31,7 @@ from henon_ref.trajectory import Status
 
 
 def ending_of(run: State, code: int) -> tuple[Status, Reason]:
-    """Return status and reason for the codes DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE and LEFT_DOMAIN."""
+    """Return status and reason for the codes DIVERGED, STALLED, EVENTS_ACCUMULATE, NOT_UNIQUE, LEFT_DOMAIN, BEYOND."""
     if code == kernel.NOT_UNIQUE:
         return _two_ways(run)
     if code == kernel.LEFT_DOMAIN:
@@ -49,6 +49,8 @@ def ending_of(run: State, code: int) -> tuple[Status, Reason]:
         series = run.workspace.band[: run.x.size + len(guards), : run.integrator.order + 1].copy()
         at = f"the step size fell to zero at t = {time:.17g}"
         return "failed", lambda: f"{at}: {_singular(system, guards, series)} there"
+    if code == kernel.BEYOND:
+        return "failed", f"the state at t = {time:.17g} is beyond a surface of its mode; an event there was undecided"
     return "failed", f"transitions accumulate at t = {time:.17g}: no mode lasts longer than the resolution of time"
 
 

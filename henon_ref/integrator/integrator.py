@@ -296,7 +296,27 @@ def _decided(
         workspace.state[first : first + len(zeros)].view(np.int64)[:] = zeros
     for surface in found.still:
         _record_rounding(constants, workspace, found.mode, surface)
+    resting = tuple(i for i, entry in given.items() if entry == found.mode[i] == 0 and table.system.rests(i))
+    if resting:
+        _put_at_rest(constants, workspace, found.mode, resting)
     return None
+
+
+def _put_at_rest(constants: ModeConstants, workspace: Workspace, mode: Mode, surfaces: tuple[int, ...]) -> None:
+    """Make the speeds zero of bodies that rest on surfaces in a given mode; they are errors of a run at most."""
+    from henon_ref.integrator.multiprecision_roots import BITS
+    from henon_ref.integrator.precise_modes import split  # rarely needed
+    from henon_ref.modes.cascade import Cascade
+
+    run, states = workspace.run, len(constants.table.system.states)
+    pairs = workspace.state[STATE_PLACE : STATE_PLACE + 2 * states].reshape(2, -1)
+    with working_precision(BITS):
+        t, x = arb(run.time) + arb(run.time_low), [arb(high) + arb(low) for high, low in pairs.T.tolist()]
+        still = Cascade(constants.table.system, constants.precise, mode, t).at_rest(x, surfaces).state
+        found = [split(value) for value in still]
+    if found != list(map(tuple, pairs.T.tolist())):
+        pairs[:] = np.transpose(found)
+        run.more_digits = 0  # the state is not that of the start
 
 
 def _record_rounding(constants: ModeConstants, workspace: Workspace, mode: Mode, index: int) -> None:

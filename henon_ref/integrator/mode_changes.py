@@ -63,7 +63,7 @@ def locate(run: State) -> Ending | None:
     zeros = dict(zip(places, run.known_zeros.tolist(), strict=False))
     state, rounding = _digits(run)
     found = locate_event(
-        run.start.constants.precise,
+        run.start.constants.precise.in_unit(_unit(run)),
         UndecidedStep(
             mode=mode,
             time=run.now,
@@ -185,7 +185,8 @@ def change_mode(
 def jump(run: State, surfaces: tuple[int, ...], hits: Sequence[Guard]) -> Ending | None:
     """Apply the resets of surfaces, ``hits`` being all guards at zero; None if the run continues."""
     run.count("jumps")
-    precise, most = run.start.constants.precise, REMAINING * (run.until[0] - run.start.time[0])
+    precise = run.start.constants.precise.in_unit(_unit(run))
+    most = REMAINING * (run.until[0] - run.start.time[0])
     with working_precision(BITS):
         t, before = run.exact_time, run.exact_state
         found = after_jump(precise.system, precise, run.mode, surfaces, hits, t, before, arb(most))
@@ -224,10 +225,13 @@ def _zeros_on(run: State, mode: Mode | None, on: Collection[int], left: Collecti
     return [1 if leaves else order for leaves, order in zip(own, orders, strict=True)]
 
 
+def _unit(run: State) -> float:
+    return time_unit(run.until[0] - run.start.time[0])
+
+
 def _point(run: State) -> TapePoint:
     """Return the current point in doubles."""
-    unit = time_unit(run.until[0] - run.start.time[0])
-    return run.start.constants.in_doubles.at(run.time, run.x.tolist(), unit=unit)
+    return run.start.constants.in_doubles.at(run.time, run.x.tolist(), unit=_unit(run))
 
 
 def close_to_horizon(run: State) -> bool:

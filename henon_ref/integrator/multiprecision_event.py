@@ -226,7 +226,7 @@ def _next_mode(
     decision = after_event(at, mode, hits)
     if decision.status == "none":
         levels = 1e-15, 0.0  # relative size of zero
-        at = modes.in_doubles.at(float(time), [float(x) for x in state], levels)
+        at = modes.in_doubles.at(float(time), [float(x) for x in state], levels, modes.unit)
         decision = after_event(at, mode, hits)
     if decision.mode is None:
         return decision, ()

@@ -146,9 +146,20 @@ class PreciseModes:
 
     rounding = 64 * EPS
     """Relative error of a state before a jump: the steps are in double precision."""
+    unit = 1.0
+    """:func:`henon_ref.modes.arithmetic.time_unit` of the run, for decisions in double precision."""
 
     def __init__(self, in_doubles: ModeEvaluation, make_in_balls: Callable[[], ModeEvaluation]) -> None:
         self.system, self.in_doubles, self._make_in_balls = in_doubles.system, in_doubles, make_in_balls
+
+    @cached_method
+    def in_unit(self, unit: float) -> PreciseModes:
+        """Return the modes for a run with this :attr:`unit`."""
+        if unit == self.unit:
+            return self
+        made = PreciseModes(self.in_doubles, lambda: self.in_balls)
+        made.unit = unit
+        return made
 
     @cached_property
     def in_balls(self) -> ModeEvaluation:
@@ -177,7 +188,7 @@ class PreciseModes:
 
     def at(self, t: arb, x: Sequence[arb]) -> TapePoint:
         """Return the point, in double precision, at which the mode after a jump is decided."""
-        return self.in_doubles.at(float(t), [float(value) for value in x])
+        return self.in_doubles.at(float(t), [float(value) for value in x], unit=self.unit)
 
     def guards(self, mode: Mode) -> tuple[Guard, ...]:
         """Return the guards of a mode in the order of :meth:`FilippovSystem.equations`."""

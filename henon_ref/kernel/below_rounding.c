@@ -8,10 +8,14 @@
  * which it ignored a root of a surface: from there on the recorded transitions may lack some of this surface.
  *
  * A section or kink on which the mode slides, or a body rests, is skipped only while it stands still.
+ *
+ * If the run ends far beyond such a surface, its mode was wrong: it ends as failed.
  */
 
 /* A fall of a guard by this part of the largest state exceeds rounding: no step multiplies an error by 1e10. */
 #define CLEAR_PART 1e-4
+/* An end beyond a surface by this part of the size of its function's terms in the states is no error of the steps. */
+#define FAR_PART 0.1
 /* Number of places at which a guard that begins below zero is examined: it may rise again on the step. */
 #define LOOKED_AT 8
 
@@ -186,4 +190,34 @@ static bool fails_beyond_rounding(struct work *w, double natural, bool undecidab
             }
         }
     return found;
+}
+
+/* Check whether a run ends beyond a surface of its mode whose roots have been ignored, by far more than any error. */
+static bool ends_beyond(struct work *w)
+{
+    const struct run *run = w->run;
+    int64_t n = run->states;
+    const double *began = w->origin + 3;
+    double largest = 0.0;
+    for (int64_t i = 0; i < n; i++)
+        largest = larger(largest, larger(fabs(w->x[i]), fabs(began[i])));
+    for (int64_t i = 0; i < n; i++)
+        w->point[i] = w->x[i];
+    for (int64_t g = 0; g < w->mode->guards; g++) {
+        if (w->mode->guard[g].kind != SURFACE || !(*since_of(w, g) <= run->time))
+            continue;
+        const double *value = row_ahead(w, n + g);
+        expand(w, w->x, w->ahead);
+        double beyond = -value[0], size = 0.0;
+        for (int64_t i = 0; i < n && beyond > CLEAR_PART * largest; i++) {
+            double all = larger(fabs(w->x[i]), fabs(began[i]));
+            w->point[i] = w->x[i] + CLEAR_PART * all;
+            expand(w, w->point, w->ahead);
+            w->point[i] = w->x[i];
+            size += fabs(value[0] + beyond) / CLEAR_PART;
+        }
+        if (beyond > CLEAR_PART * largest && beyond > FAR_PART * size)
+            return true;
+    }
+    return false;
 }

@@ -65,6 +65,7 @@ enum return_code {
     STOPPED,
     OUT_OF_RANGE,
     NOT_UNIQUE,
+    BEYOND,
     EVENT = 20,
     ON = 21,
     BEFORE_STEP = 22

@@ -217,6 +217,8 @@ static int64_t proceed(struct work *w)
         }
         if (code == HORIZON)
             fill_samples_at_horizon(w);
+        if (code == HORIZON && run->below_rounding != 0 && ends_beyond(w))
+            return BEYOND;
         if (code != ON)
             return code;
         code = look_ahead(w, stop_at, &shrunk);

@@ -141,7 +141,8 @@ class Point(Protocol):
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
         """First non-zero coefficient of a guard, from derivative ``first`` on; None if the guard stays zero.
 
-        ``beside``: the surface whose normal velocities are the scale of comparison.
+        ``beside``: the surface whose normal velocities are the scale of comparison (for an end of its slide, both ends:
+        where surfaces act on each other, they are no velocities).
         """
 
     def late(self, mode: Mode, place: int, zero: float, index: int) -> Leading | None:
@@ -164,6 +165,13 @@ class Point(Protocol):
 
     def same_motion(self, first: Mode, second: Mode) -> bool:
         """Whether two modes with equations have the same motion, in all derivatives that are computed."""
+
+
+def size_of_ends(at: Point, mode: Mode, index: int) -> Any:
+    """Return the sum of the sizes of the guards that end a slide on a surface, whose scale it is."""
+    guards, values = at.guards(mode) or (), at.first_order(mode)
+    own = [abs(c[0]) for g, c in zip(guards, values, strict=False) if g.kind == "release" and g.index == index]
+    return sum(own[1:], own[0])
 
 
 def time_unit(length: float) -> float:

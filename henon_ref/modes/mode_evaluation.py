@@ -16,7 +16,7 @@ import sympy as sp
 from henon_ref.errors import ModelError
 from henon_ref.expressions.algebra import leaves_out
 from henon_ref.method_cache import cached_method
-from henon_ref.modes.arithmetic import DOUBLES, LAST_ORDER, ORDER, Arithmetic, Leading, time_unit
+from henon_ref.modes.arithmetic import DOUBLES, LAST_ORDER, ORDER, Arithmetic, Leading, size_of_ends, time_unit
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.equations import Guard, ModeTape
 from henon_ref.modes.mode import Mode, replaced
@@ -214,7 +214,7 @@ class TapePoint:
 
     def leading(self, mode: Mode, place: int, first: int, zero: float, beside: int | None = None) -> Leading | None:
         outputs, rate = self.series(mode)
-        size = 0.0 if beside is None or self.arithmetic.carries_errors else self._size(mode, beside)
+        size = 0.0 if beside is None or self.arithmetic.carries_errors else self._size(mode, place, beside)
         return _term(outputs[place], self.arithmetic.leading(outputs[place], first, rate, size, zero))
 
     def late(self, mode: Mode, place: int, zero: float, index: int) -> Leading | None:
@@ -241,8 +241,10 @@ class TapePoint:
     def _speed(self, index: int, mode: Mode) -> Any:
         return self._modes.normal(index, mode)(self._t, *self._x, *mode)[0]
 
-    def _size(self, mode: Mode, index: int) -> float:
+    def _size(self, mode: Mode, place: int, index: int) -> float:
         try:
+            if (self.guards(mode) or ())[place].kind == "release" and index not in self.system.overrides:
+                return float(size_of_ends(self, mode, index))
             below, above = self.sides(mode, index)
         except ARITHMETIC:
             return 0.0

@@ -26,7 +26,7 @@ from typing import Any
 
 from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
-from henon_ref.modes.arithmetic import Point
+from henon_ref.modes.arithmetic import Point, size_of_ends
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.consistency import broken_guards, indeterminate
 from henon_ref.modes.contact_loops import is_possible, relations
@@ -175,12 +175,14 @@ def _known_zeros(at: Point, mode: Mode, place: int, guard: Guard) -> int:
     first = 0 if guard.kind == "release" else 1
     number: Any
     try:
-        below, above = at.sides(mode, guard.index)
-        if guard.kind == "release":
-            number, size = at.first_order(mode)[place][0], abs(above) + abs(below)
+        if guard.kind == "release" and guard.index not in at.system.overrides:
+            number, size = at.first_order(mode)[place][0], size_of_ends(at, mode, guard.index)
         else:
+            below, above = at.sides(mode, guard.index)
             number, size = above if mode[guard.index] > 0 else -below, abs(above - below)
-            if len(at.system.together(guard.index, slides)) > 1:  # the equivalent signs of the slides are not 0
+            if guard.kind == "release":
+                number, size = at.first_order(mode)[place][0], abs(above) + abs(below)
+            elif len(at.system.together(guard.index, slides)) > 1:  # the equivalent signs of the slides are not 0
                 number = at.first_order(mode)[place][1]
         if number > 1e-3 * size > 0:  # a part of the jump of the surface's rate between its sides
             return first

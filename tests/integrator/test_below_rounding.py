@@ -13,6 +13,8 @@ from derivatives import fundamental_matrix
 from problems import make_problem
 
 import henon_ref as hr
+from henon_ref.integrator import mode_changes
+from henon_ref.modes.decision import Decision
 
 TOLERANCES = pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
 PID = ["v", "-4*(x - 1) - 2*z - 2*v - s", "x - 1"]
@@ -334,3 +336,16 @@ def test_a_section_ends_no_run(rtol: float) -> None:
     run = hr.simulate(orbit, {"x": 1, "y": 0, "u": 0, "w": 1}, until=2, rtol=rtol)
     assert (run.status, run.undecided_after) == ("ok", {"s": 0.0})
     assert run.y[:2, -1] == pytest.approx([math.cos(2), math.sin(2)], abs=10 * rtol)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-13])
+def test_a_run_that_ends_beyond_a_surface_of_its_mode_is_not_ok(unit: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    # No decision is known to be wrong, so one is made wrong: it keeps the mode in which both surfaces are reached.
+    monkeypatch.setattr(mode_changes, "after_event", lambda at, mode, hits, **_: Decision("unique", mode))
+    field = [f"(3 + u)/2/{unit!r}", f"((3 + s)/2 + y - x)/{unit!r}"]
+    system = hr.System(["x", "y"], {}, {"s": "x", "u": "y"}, field)
+    run = hr.simulate(system, {"x": -1, "y": -1}, until=2 * unit)
+    assert (run.status, run.final_mode, run.y[:, -1].tolist()) == ("failed", "s=-1 u=-1", [1, 1])
+    assert "is beyond a surface of its mode" in run.message
+    swept = hr.sweep(system, {"x": -1, "y": -1}, until=2 * unit, grid={"y": [-1, -1]}, jobs=1)
+    assert swept["status"].tolist() == ["failed", "failed"]

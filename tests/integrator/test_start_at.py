@@ -246,6 +246,27 @@ def test_a_start_on_surfaces_is_the_same_in_any_unit_of_time(unit: float) -> Non
         assert (run.transitions["time_s"] / unit).tolist() == pytest.approx(times, rel=1e-12)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-13, 1e-20])
+def test_contacts_after_a_jump_hold_in_any_unit_of_time(unit: float) -> None:
+    # A jump at t = 1 puts both on their surfaces; in a unit of 1e-13 s they were in slip for no time.
+    field = ["((t - T)/T - s)/T", "((t - T)/(2*T) - u)/T", "-1/T"]
+    landing = {"r": {"map": {"x": "0", "y": "0", "z": "10"}}}
+    system = hr.System(["x", "y", "z"], {"T": unit}, {"s": "x", "u": "y", "r": "z"}, field, resets=landing)
+    run = hr.simulate(system, {"x": 5, "y": 5, "z": 1}, until=4 * unit)
+    assert run.transitions["kind"].tolist() == ["stick", "stick", "reset", "release", "release"]
+    assert (run.transitions["time_s"] / unit).tolist() == pytest.approx([1, 1, 1, 2, 3], rel=1e-12)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-13, 1e-20])
+def test_surfaces_that_act_on_each_other_are_crossed_in_any_unit_of_time(unit: float) -> None:
+    # The ends of their slide are signs, not velocities: a sign of -2 counted as zero beside velocities of 1e13, and the
+    # slide was possible, too.
+    field = [f"(3 + u)/2/{unit!r}", f"((3 + s)/2 + y - x)/{unit!r}"]
+    run = hr.simulate(hr.System(["x", "y"], {}, {"s": "x", "u": "y"}, field), {"x": -1, "y": -1}, until=2 * unit)
+    assert (run.status, run.final_mode) == ("ok", "s=+1 u=+1")
+    assert run.transitions["kind"].tolist() == ["crossing", "crossing"]
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e12, 1e20])
 def test_a_block_at_the_end_of_its_stick_slides_at_once_in_any_unit_of_time(unit: float) -> None:
     # The spring's force is the friction and grows: in units of 1e12 s it seemed to stay, and a release was listed.
