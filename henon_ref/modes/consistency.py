@@ -70,6 +70,15 @@ def stays(at: Point, mode: Mode, index: int) -> bool:
     return all(at.leading(mode, place, 1, at.levels[0], index) is None for place in own)
 
 
+def exactly_stays(at: Point, mode: Mode, surfaces: Collection[int]) -> bool:
+    """Check whether slips stay on surfaces, in derivatives that are zero themselves and not only next to their terms.
+
+    In doubles a force that has decayed below rounding is not zero: it is no other solution beside one that leaves.
+    """
+    own = [(k, g.index) for k, g in enumerate(at.guards(mode) or ()) if g.kind == "surface" and g.index in surfaces]
+    return all(at.late(mode, place, 0.0, index) is None for place, index in own)
+
+
 def indeterminate(at: Point, mode: Mode, index: int, zero: float) -> bool:
     """Check whether all release guards of a surface stay at zero, in all derivatives that are computed."""
     if index in at.system.overrides:

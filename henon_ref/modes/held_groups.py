@@ -85,6 +85,9 @@ class Numbers:
     """Whether two modes have the same motion after the point."""
     time: str
     """Time of the point as error messages name it."""
+    stays: Callable[[Mode, Collection[int]], bool] | None = None
+    """Whether slips stay on surfaces without rounding (:func:`henon_ref.modes.consistency.exactly_stays`); None: all
+    of those found."""
     proof: Callable[[ContactProblem, Accelerations, Settled], bool] | None = None
     """Whether a solution is proven; a decision that depends on an unproven solution is refused."""
 
@@ -135,7 +138,8 @@ def decide_groups(
         return Decision("none", None, f"no mode is consistent at t = {numbers.time}")
     leaving = [each for each, stays in found.items() if not stays]
     first = leaving[0] if leaving else next(iter(found))
-    others = [each for each in found if each != first and not numbers.same_motion(each, first)]
+    exact = [m for m, own in found.items() if not (own and leaving and numbers.stays) or numbers.stays(m, own)]
+    others = [each for each in exact if each != first and not numbers.same_motion(each, first)]
     if not others:
         stay = frozenset().union(*found.values()) if not leaving else ()
         return Decision("unique", kept_entries(mode, list(found), sorted(stay)) if stay else first)

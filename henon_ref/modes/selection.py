@@ -28,7 +28,7 @@ from henon_ref.errors import ModelError
 from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.arithmetic import Point, size_of_ends
 from henon_ref.modes.callables import ARITHMETIC
-from henon_ref.modes.consistency import broken_guards, indeterminate
+from henon_ref.modes.consistency import broken_guards, exactly_stays, indeterminate
 from henon_ref.modes.contact_loops import is_possible, relations
 from henon_ref.modes.decision import Decision, ended, explained, kept_entries, several, with_entries
 from henon_ref.modes.equations import Guard
@@ -235,9 +235,15 @@ def _of_all(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[
     """
     tested = [(own, broken_guards(at, own, active, zero, alone=True)) for own in _candidates(at, mode, active)]
     system, kept = at.system, [own for own, broken in tested if broken == []]
-    staying = [own for own, broken in tested if _staying(system, broken) and is_possible(system, own, active)]
     if not kept:
         return Decision("none", None, f"no mode is consistent at t = {at.when}")
+    staying = [
+        own
+        for own, broken in tested
+        if (surfaces := _staying(system, broken))
+        and is_possible(system, own, active)
+        and exactly_stays(at, own, surfaces)
+    ]
     found = kept
     if len(kept) + len(staying) > 1:
         # If a slip leaves a surface on which the gradient vanishes ((x - 1)^3 instead of x - 1), both fields cross the
@@ -295,7 +301,8 @@ def _staying_mode(at: Point, mode: Mode, active: tuple[int, ...]) -> Decision | 
 
 def _in_groups(at: Point, mode: Mode, active: tuple[int, ...], slipped: Collection[int], zero: float) -> Decision:
     broken = partial(broken_guards, at, zero=zero, alone=False)
-    numbers = Numbers(at.values, at.arithmetic.negative, broken, at.same_motion, at.when)
+    stays = partial(exactly_stays, at)
+    numbers = Numbers(at.values, at.arithmetic.negative, broken, at.same_motion, at.when, stays)
     try:
         return decide_groups(at.system, mode, active, slipped, numbers)
     except ModelError as error:
