@@ -264,7 +264,7 @@ class ModeTable:
     def at(self, t: float, x: Sequence[float]) -> TapePoint:
         return self.in_doubles.at(t, x)
 
-    def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Sequence[int]) -> tuple[Fresh, ...]:
+    def fresh_at(self, entry: ModeEntry, t: float, x: Sequence[float], involved: Collection[int]) -> tuple[Fresh, ...]:
         """Guards of a mode that start at zero: those of the ``involved`` surfaces, and others within rounding."""
         model, found = entry.model, []
         for k, guard in enumerate(model.guards):
