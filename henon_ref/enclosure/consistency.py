@@ -21,9 +21,10 @@ from henon_ref.enclosure.balls import enclose, sign_of
 from henon_ref.enclosure.enclosure import UndecidedError
 from henon_ref.enclosure.model import Identities, ModeModel, SystemModel
 from henon_ref.errors import ModelError
+from henon_ref.modes.contact_group import Broken, Numbers, order_of
 from henon_ref.modes.contact_problem import Accelerations, ContactProblem, Row, Settled, independent_of
 from henon_ref.modes.equations import Guard, Refusal
-from henon_ref.modes.held_groups import Broken, Numbers, by_groups, decide_groups, order_of
+from henon_ref.modes.held_groups import by_groups, decide_groups
 from henon_ref.modes.mode import Mode, mode_text, replaced
 
 ORDER = 6

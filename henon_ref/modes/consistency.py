@@ -9,8 +9,8 @@ from collections.abc import Collection
 
 from henon_ref.modes.arithmetic import ZERO, Point
 from henon_ref.modes.callables import ARITHMETIC
+from henon_ref.modes.contact_group import IDENTICALLY_ZERO, Broken, order_of
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.held_groups import IDENTICALLY_ZERO, Broken, order_of
 from henon_ref.modes.mode import Mode, replaced
 
 

@@ -29,18 +29,11 @@ from henon_ref.expressions.bounds import exact_sign
 from henon_ref.modes.arithmetic import Point, size_of_ends
 from henon_ref.modes.callables import ARITHMETIC
 from henon_ref.modes.consistency import broken_guards, exactly_stays, indeterminate
+from henon_ref.modes.contact_group import IDENTICALLY_ZERO, Broken, Numbers
 from henon_ref.modes.contact_loops import is_possible, relations
 from henon_ref.modes.decision import Decision, ended, explained, kept_entries, several, with_entries
 from henon_ref.modes.equations import Guard
-from henon_ref.modes.held_groups import (
-    IDENTICALLY_ZERO,
-    Broken,
-    Numbers,
-    by_groups,
-    clear_sign,
-    decide_groups,
-    slipped_by,
-)
+from henon_ref.modes.held_groups import by_groups, clear_sign, decide_groups, slipped_by
 from henon_ref.modes.mode import Mode, replaced
 from henon_ref.modes.problem import Problem
 from henon_ref.modes.resets import impact_of, into_surface
